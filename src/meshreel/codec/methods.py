@@ -47,6 +47,10 @@ class LiveStart:
     """Error bounds of tracks."""
 
 
+class UnreachableError(InvalidInputError):
+    """A coder cannot bring values within their bound; another prediction or range may."""
+
+
 class BlockCoder(Protocol):
     """Encodes blocks of frames in order."""
 
@@ -64,6 +68,11 @@ class BlockCoder(Protocol):
             In internal order.
         tracks : dict of str to Track
             Values of the same frames, in the given vertex order.
+
+        Raises
+        ------
+        UnreachableError
+            If values of a track are too large for the range of the first block.
         """
 
 

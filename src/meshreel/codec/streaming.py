@@ -18,7 +18,7 @@ from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.config import MAX_BLOCK_POSITIONS, EncoderConfig
 from meshreel.codec.images import reencode_images
 from meshreel.codec.mesh_edits import MeshEdits
-from meshreel.codec.methods import BlockCoder, LiveStart, method_named
+from meshreel.codec.methods import BlockCoder, LiveStart, UnreachableError, method_named
 from meshreel.codec.options import config_of
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.subspace.trajectories import BoundingFrame, stored_frame
@@ -86,7 +86,8 @@ class Encoder:
     bounding box. The bounding box of all frames is no smaller, so the bound holds for it too.
 
     A frame with other faces begins a segment, in a new block. `quality` then is relative to the
-    model of that block; the bounding box remains that of the first.
+    model of that block; the bounding box remains that of the first. Values of a track that are too
+    large to be coded relative to the range of the first block begin a segment with the same faces.
 
     Parameters
     ----------
@@ -109,15 +110,16 @@ class Encoder:
         Whether an existing file may be replaced.
     tracks : mapping of str to str or float, optional
         Error bounds of tracks, as in `meshreel.encode`. Shares refer to the range of the first
-        block of a segment. The first frame needs all of these tracks, further segments do not.
+        block of a segment; a track that is constant there is lossless in that segment. The first
+        frame needs all of these tracks, further segments do not.
     **options
         Options of `meshreel.encode`; of the targets only `quality`, `step`, `bound`, `max_error`
         and `lossless`, because the others need the whole sequence.
 
     Attributes
     ----------
-    n_frames, n_segments : int
-        Numbers of frames pushed, and of segments begun, so far.
+    n_frames : int
+        Number of frames pushed so far.
     latency_s : float
         Longest time so far from the push of a block's first frame to its bytes in the file, in
         seconds.
@@ -156,7 +158,7 @@ class Encoder:
         if not max_latency_s > 0:
             raise InvalidInputError(f"max_latency_s must be above 0; got {max_latency_s}")
         self.n_frames: int = 0
-        self.n_segments: int = 0
+        self._n_meshes = self._n_new_ranges = 0
         self.latency_s: float = 0.0
         self._name = name
         self._timing, self._surface = Timing.of_rate(fps, start_s), surface
@@ -234,7 +236,7 @@ class Encoder:
             if self._frames:
                 self._code()
             self._mesh = mesh
-            self.n_segments += 1
+            self._n_meshes += 1
         if not self._frames:
             self._block_start_s = perf_counter()
         self._frames.append(np.array(array))
@@ -242,6 +244,11 @@ class Encoder:
         self.n_frames += 1
         if len(self._frames) == self._block_frames(mesh.n_verts):
             self._code()
+
+    @property
+    def n_segments(self) -> int:
+        """Number of segments begun so far."""
+        return self._n_meshes + self._n_new_ranges
 
     @property
     def size_bytes(self) -> int:
@@ -425,18 +432,24 @@ class Encoder:
         self._coded_mesh = mesh
 
         def analyze() -> None:
-            if is_new:
-                self._segment = self._new_segment(mesh, vertices, tracks, is_first=is_first)
-            segment = self._segment
-            assert segment is not None  # the first block begins one
-            sections = segment.coder.code(vertices.take(segment.order, axis=1), tracks)
+            segment, sections = None if is_new else self._segment, None
+            if segment is not None:
+                try:
+                    sections = segment.coder.code(vertices.take(segment.order, axis=1), tracks)
+                except UnreachableError:
+                    self._n_new_ranges += 1
+            begins_segment = sections is None
+            if segment is None or sections is None:
+                segment = self._new_segment(mesh, vertices, tracks, is_first=is_first)
+                sections = segment.coder.code(vertices.take(segment.order, axis=1), tracks)
+            self._segment = segment
             if self._writing is not None:
                 self._writing.result()
-            self._writing = self._file_thread.submit(write, segment, sections)
+            self._writing = self._file_thread.submit(write, segment, sections, begins_segment)
 
-        def write(segment: _Segment, sections: Sections) -> None:
+        def write(segment: _Segment, sections: Sections, begins_segment: bool) -> None:
             with self._errors_naming_output():
-                if is_new:
+                if begins_segment:
                     self._writer.begin_segment(segment.header, segment.leading)
                 self._writer.write_block(len(vertices), sections)
             self.latency_s = max(self.latency_s, perf_counter() - block_start_s)

@@ -137,7 +137,7 @@ def test_normals_have_length_one_and_are_within_their_angle():
 @pytest.mark.parametrize("degrees", [0.01, 0.5, 30])
 def test_angle_bound_holds_for_slightly_short_normals(degrees):
     box = BoundingFrame((0.0, 0.0, 0.0), 2.0)
-    apart = length_allowed(TrackBound(Measure.ANGLE, degrees), box)
+    apart = length_allowed(TrackBound(Measure.ANGLE, degrees), 2.0)
     assert np.degrees(np.arcsin(apart / (1 - UNIT_LENGTH_TOLERANCE))) <= degrees
 
 

@@ -167,6 +167,10 @@ class KeyedBlocks:
         self._reference += 1
         return coded
 
+    def skip(self) -> None:
+        """Count a block that is coded in another way."""
+        self._reference += self._key is not None
+
 
 def coder_of(mesh: CodedMesh, frame: BoundingFrame) -> FieldBlockCoder:
     """Return the coder of a mesh with its options; its step is still to be set."""

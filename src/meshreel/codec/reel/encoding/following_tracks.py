@@ -7,6 +7,7 @@ from io import BytesIO
 
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.memory import OWN_STREAM, UNLIMITED
+from meshreel.codec.methods import UnreachableError
 from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.reel.encoding.shared_corners import SharedTrack
 from meshreel.codec.reel.encoding.step_search import (
@@ -19,7 +20,7 @@ from meshreel.codec.reel.encoding.track_coders import (
     exact_coder,
     track_coder,
 )
-from meshreel.codec.reel.encoding.track_residuals import UnreachableError, moving_surface
+from meshreel.codec.reel.encoding.track_residuals import moving_surface
 from meshreel.codec.reel.encoding.tracks import encode_losslessly
 from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.source import CodedTrack, Source

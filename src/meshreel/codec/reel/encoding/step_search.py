@@ -176,7 +176,7 @@ class StepSearch:
         if self._best is None or self._best[0] != step:
             self._best = step, self._coded(step, self._pieces)
         if n_trials is None:
-            self._best = step, self._on_grid(self._best[1]) or self._best[1]
+            self._best = step, self._on_grid(step, self._best[1]) or self._best[1]
         return step, self._coded_track(self._best[1])
 
     @property
@@ -192,33 +192,35 @@ class StepSearch:
     def _coded_track(self, blocks: list[CodedValues]) -> CodedTrack:
         return CodedTrack(self._coder.leading_section(), [block.sections for block in blocks])
 
-    def _on_grid(self, by_modes: list[CodedValues]) -> list[CodedValues] | None:
-        """Encode the track on a grid; None if that takes more bytes than by modes."""
-        n_frames, coder = self._track.shape[0], None
+    def _on_grid(self, step: float, by_modes: list[CodedValues]) -> list[CodedValues] | None:
+        """Encode the track on a grid; None if that takes more bytes than by modes of this step."""
+        n_frames, coder, by_step = self._track.shape[0], None, self._coder.with_step(step)
         numbers = numbers_of(self._track)
         if len(numbers) <= FEW_VALUES and np.array_equal(numbers, np.rint(numbers)):
-            coder = self._coder.of_integers
-        coder = self._coder.on_grid if coder is None else coder
+            coder = by_step.of_integers
+        coder = by_step.on_grid if coder is None else coder
         if coder is None:
             return None
         size_bytes = self._coded_track(by_modes).size_bytes
         n_sampled = max(2, GRID_SAMPLE // math.prod(self._track.shape[1:]))
         n_sampled = min(n_sampled, self._pieces[0].stop)
         if n_sampled < n_frames:
-            sections = coder.code_prepared(self._prepare(slice(0, n_sampled))).sections
+            # A copy, as a coder remembers its key block.
+            sections = replace(coder).code_prepared(self._prepare(slice(0, n_sampled))).sections
             sampled_bytes = sum(len(payload) for _, payload in sections)
             if sampled_bytes * n_frames > size_bytes * n_sampled:
                 return None
         blocks = self._coded_by(coder, self._pieces)
         if self._coded_track(blocks).size_bytes >= size_bytes:
             return None
-        self._coder = coder
+        self._coder = replace(coder)
         return blocks
 
     @property
     def coder(self) -> TrackCoder:
-        """The coder, after `best` with the chosen weights; its step is still to be set."""
-        return self._coder
+        """The coder of the best step, after `best`."""
+        assert self._best is not None
+        return self._coder if self._coder.grid else self._coder.with_step(self._best[0])
 
     def _two_steps(self, first: float) -> list[float]:
         """Return a step, and one whose corrections take about the best share of the bytes."""

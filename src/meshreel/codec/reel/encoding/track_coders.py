@@ -12,6 +12,7 @@ import numpy.typing as npt
 from meshreel.arrays import Floats, Integers, Values, Vertices
 from meshreel.codec.bitstream.layout import Order, Section
 from meshreel.codec.connectivity.order import inverse_permutation
+from meshreel.codec.methods import UnreachableError
 from meshreel.codec.reel.encoding.analysis import quantized_fields
 from meshreel.codec.reel.encoding.block_coder import FieldBlockCoder, KeyedBlocks, shared_field_mesh
 from meshreel.codec.reel.encoding.block_frames import BlockFrames, largest_rounding
@@ -41,7 +42,7 @@ from meshreel.kernel.predict import MAX_RELATED, kriging_weights
 from meshreel.model.extent import Extent
 from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.surface import Domain
-from meshreel.model.tracks import KIND_ROWS, TrackSource, error_bound_of, value_range
+from meshreel.model.tracks import KIND_ROWS, TrackSource, error_bound_of, error_unit, value_range
 
 Sections = list[tuple[Section, bytes]]
 
@@ -138,7 +139,7 @@ class TrackCoder(_Coder):
     """The bound, in diagonals of the range."""
     coder: FieldBlockCoder
     rounding: float
-    """Largest rounding error of the number type, in units of the track."""
+    """Rounding error of the number type that is reserved, in units of the track."""
     points: ItemPoints
     nugget: int | None = None
     """Code of the nugget if the initial weights follow from points, else None."""
@@ -183,6 +184,12 @@ class TrackCoder(_Coder):
             If values cannot be encoded within the bound.
         """
         check_values(self.header.name, values, self.header)
+        if self.surface is not None:  # the share excludes the rounding of values, not of residuals
+            low, high = np.nanmin(values, initial=0.0), np.nanmax(values, initial=0.0)
+            frame = self.coder.frame
+            self._check_rounding(
+                largest_rounding(low, high, values.dtype, frame), self.rounding / frame.scale
+            )
         is_missing, origin = np.isnan(values), self.header.origin
         coded, order = self._residuals(values, positions, residuals)
         missing = None
@@ -210,17 +217,38 @@ class TrackCoder(_Coder):
 
     def code_prepared(self, prepared: PreparedValues) -> CodedValues:
         """Encode the next block."""
-        coded = None if self.grid is None else self._on_grid(self.grid, prepared.frames)
+        frames, coded = prepared.frames, None
+        if self.grid is not None:
+            coded = self._on_grid(self.grid, frames)
+            frames = replace(frames, frame=self.coder.frame, from_points=None)
         if coded is None:
-            by_modes = self._blocks.code(prepared.frames)
+            self._check_rounding(frames.rounding, self.share - FLOOR)
+            try:
+                by_modes = self._blocks.code(frames)
+                sections = list(by_modes.sections)
+            except InvalidInputError as error:
+                raise self._unreachable(str(error)) from error
             fields = np.array(by_modes.analyzed.decoded.values[:, :MAX_RELATED])
-            coded = CodedValues(list(by_modes.sections), fields)
+            coded = CodedValues(sections, fields)
+        else:
+            self._blocks.skip()
         opening, *sections = coded.sections
         missing = [prepared.missing] if prepared.missing else []
         return replace(coded, sections=[opening, *missing, *sections])
 
+    def _check_rounding(self, rounding: float, limit: float) -> None:
+        if rounding > limit:
+            raise self._unreachable(f"values are rounded to {self.header.dtype} by more than that")
+
+    def _unreachable(self, reason: str) -> UnreachableError:
+        header = self.header
+        return UnreachableError(
+            f"track {header.name!r} cannot be coded within its bound of {header.bound:g} "
+            f"{error_unit(header.kind, header.unit)}: {reason}; set a larger bound, or exact"
+        )
+
     def _on_grid(self, grid: PositionGrid, frames: BlockFrames) -> CodedValues | None:
-        """Encode a block on a grid; None if that exceeds the bound, as later live values may."""
+        """Encode a block on a grid; None if a value of it is not within the bound there."""
         coordinates = np.empty(frames.vertices.shape, np.int32)
         for number in range(frames.n_frames):
             values = frames.internal_frame(number)
@@ -267,14 +295,18 @@ class TrackCoder(_Coder):
         """A coder of values on a grid of all integers; None if one within the bound is coarser."""
         if self.header.coding is not Coding.MODES or self.share * self.header.scale > 0.5:
             return None
-        scale = 2.0 ** math.ceil(math.log2(self.header.scale))
-        frame = BoundingFrame(tuple(map(float, np.rint(self.header.origin))), max(scale, 1.0))
+        scale = max(2.0 ** math.ceil(math.log2(self.header.scale)), 1.0)
+        frame = BoundingFrame(tuple(map(float, np.rint(self.header.origin))), scale)
+        # Blocks with other numbers are coded by modes, with the step and bound of the new scale.
+        ratio = self.header.scale / scale
+        share, step = self.share * ratio, self.coder.choices.position_step * ratio
         return replace(
             self,
             nugget=None,
-            header=replace(self.header, scale=frame.scale, origin=frame.origin),
-            share=self.share * self.header.scale / frame.scale,
-            grid=PositionGrid(1.0 / frame.scale, frame),
+            header=replace(self.header, scale=scale, origin=frame.origin),
+            share=share,
+            coder=replace(self.coder, frame=frame).with_step(step, share),
+            grid=PositionGrid(1.0 / scale, frame),
         )
 
     @property
@@ -360,7 +392,7 @@ def track_coder(
         return exact_coder(name, track, mesh)
     low, high = map(np.nan_to_num, value_range(track))  # NaN without any value
     frame = stored_frame(Extent(low, high, 0.0))
-    allowed = length_allowed(bound, frame)
+    allowed = length_allowed(bound, frame.scale if (high > low).any() else 0.0)
     share = allowed / frame.scale
     rounding = largest_rounding(float(low.min()), float(high.max()), track.dtype, frame)
     if share <= rounding + FLOOR:
@@ -399,10 +431,10 @@ def track_coder(
     )
 
 
-def length_allowed(bound: TrackBound, frame: BoundingFrame) -> float:
+def length_allowed(bound: TrackBound, range_size: float) -> float:
     """Return the length of the difference of two values, or numbers, that a bound allows."""
     if bound.measure is Measure.SHARE:
-        return single_below(bound.amount / 100.0 * frame.scale)
+        return single_below(bound.amount / 100.0 * range_size)
     if bound.measure is Measure.ANGLE:
         return math.sin(math.radians(bound.amount)) * (1.0 - UNIT_LENGTH_TOLERANCE)
     return bound.amount

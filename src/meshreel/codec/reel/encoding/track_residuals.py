@@ -3,6 +3,7 @@
 import numpy as np
 
 from meshreel.arrays import Values, Vertices
+from meshreel.codec.methods import UnreachableError
 from meshreel.codec.reel.normative.expected import (
     MovingSurface,
     differences,
@@ -33,10 +34,6 @@ def moving_surface(mesh: CodedMesh) -> MovingSurface:
     if mesh.keeps_vertex_order:
         summed = mesh.order[mesh.faces].astype(np.int32)
     return MovingSurface(summed, mesh.output_faces, mesh.surface)
-
-
-class UnreachableError(InvalidInputError):
-    """No rotation maps the normal of the surface to that of the track; raised only internally."""
 
 
 INNER_FRAMES: dict[Coding, slice] = {

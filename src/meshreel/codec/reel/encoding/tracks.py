@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import cache
 
 from meshreel.arrays import Vertices
 from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.codec.method_names import LOSSLESS
-from meshreel.codec.methods import LiveStart
+from meshreel.codec.methods import LiveStart, UnreachableError
 from meshreel.codec.reel.encoding.shared_corners import SharedTrack, shared_track
 from meshreel.codec.reel.encoding.step_search import (
     FEW_VALUES,
@@ -33,6 +34,9 @@ from meshreel.runtime.progress import Count, Progress
 
 RAW_RATIO = 8
 """A track compressed less than this many times is also tried losslessly."""
+
+ROUNDING_RESERVE = 1 / 64
+"""Share of the bound of predicted live values that is reserved for their rounding."""
 
 MAX_ROWS_SHARE = 0.1
 """If the sharing of corners takes more than this share of the bytes of values, separate values of
@@ -169,7 +173,7 @@ def live_track_coder(
         return coder
     piece = slice(0, first.shape[0])
     search = StepSearch(coder, first, [piece], decoded)
-    step, coded = search.best()
+    _, coded = search.best()
     if decoded is not None and _is_velocity(first):
         fit = DifferenceFit()
         in_given_order = decoded(piece.start, piece.stop)
@@ -178,12 +182,15 @@ def live_track_coder(
         fit.add(first.read(piece.start, piece.stop), in_given_order)
         prediction = fit.best()
         if prediction is not None:
-            predicted = coder.with_prediction(*prediction, moving_surface(mesh), bound)
+            # Later values may be larger, and are rounded more.
+            reserve = max(coder.rounding, ROUNDING_RESERVE * coder.share * coder.header.scale)
+            live = replace(coder, rounding=reserve)
+            predicted = live.with_prediction(*prediction, moving_surface(mesh), bound)
             of_residuals = StepSearch(predicted, first, [piece], decoded)
-            predicted_step, residual = of_residuals.best()
-            if residual.size_bytes < coded.size_bytes:
-                return of_residuals.coder.with_step(predicted_step)
-    return search.coder.with_step(step)
+            with suppress(UnreachableError):
+                if of_residuals.best()[1].size_bytes < coded.size_bytes:
+                    return of_residuals.coder
+    return search.coder
 
 
 def live_track_coders(
