@@ -32,9 +32,10 @@ DECODED_FRAMES = 64
 MAX_NEW_MODE_RATIO = 2.0
 """A block with more new modes than this many times the modes of its key becomes a key block."""
 
-MIN_ROUNDING_RATIO, MIN_ENERGY_RATIO = 100.0, 1e-9
-"""Squared errors are computed from fields if they exceed this many times the squared rounding
-errors, and this share of all squared coordinates."""
+MAX_ROUNDING_RATIO, MIN_ENERGY_RATIO = 1e-13, 1e-9
+"""Squared errors are computed from fields if squared rounding errors are at most this share of them
+for each position, so that four standard deviations of their product with other errors are below the
+slack of `KgMeter`; and if they exceed this share of all squared coordinates."""
 
 
 @dataclass(frozen=True)
@@ -134,14 +135,13 @@ class CodedFrames:
         """Sum of squared distances of decoded positions from these frames, in diagonals.
 
         Computed from the fields if this is accurate enough. It then includes the mean effect of
-        rounding positions, which must be small relative to the error, like the precision of the
-        energy.
+        rounding positions.
         """
         squared_error = self.analyzed.squared_error
         n_positions = frames.n_frames * frames.n_verts
         by_rounding = float(frames.rounding**2) / 12.0 * n_positions
-        least = max(MIN_ROUNDING_RATIO * by_rounding, MIN_ENERGY_RATIO * frames.energy)
-        if squared_error > least:
+        is_accurate = by_rounding < MAX_ROUNDING_RATIO * n_positions * squared_error
+        if is_accurate and squared_error > MIN_ENERGY_RATIO * frames.energy:
             return squared_error + by_rounding
         errors: Floats = self.decoded(frames).astype(np.float64) - frames.internal_vertices
         errors /= frames.frame.scale
