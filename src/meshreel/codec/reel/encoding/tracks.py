@@ -122,9 +122,10 @@ def _prediction(
 ) -> tuple[Coding, float] | None:
     """Return the coding of a track as residuals relative to positions, and its rate, if any.
 
-    Only lossless positions predict lossless values.
+    Only lossless positions predict lossless values; cells have no normals.
     """
-    if KIND_ROWS[track.kind].follows == "normals" and bound != EXACT:
+    has_normals = KIND_ROWS[track.kind].follows == "normals" and track.domain is not Domain.CELL
+    if has_normals and bound != EXACT:
         return Coding.ROTATIONS, 0.0
     if not _is_velocity(track):
         return None
