@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from itertools import chain
 
 import numpy as np
 
@@ -147,10 +147,10 @@ class StepSearch:
             if other.mesh is coder.coder.mesh and other.n_relations < MAX_RELATIONS
         ][::-1][:MAX_CANDIDATES]
         self._sampled = sampled(pieces)
-        self._sizes: dict[float, float] = {}
-        self._shares: dict[float, float] = {}
-        """Share of the bytes that corrections take, by step."""
+        self._trials: dict[float, tuple[float, float]] = {}
+        """Bytes, and the share of them that corrections take, by step."""
         self._best: tuple[float, list[CodedValues]] | None = None
+        self._single: PreparedValues | None = None
 
     def best(
         self, n_trials: int | None = None, start: float | None = None
@@ -165,16 +165,38 @@ class StepSearch:
         start : float, optional
             First step, in diagonals of the range. Default: from the bound and the modes.
         """
-        first = self._first_step if start is None else start
+        n_frames, _, n_columns = self._track.shape
+        is_single = n_frames * n_columns == 1
+        may_follow = bool(KIND_ROWS[self._coder.header.kind].follows)
+        if start is not None:
+            first = start
+        elif is_single:  # its largest error is half a step
+            first = self._coder.single_step
+        elif may_follow:
+            first = self._coder.share / STEPS_OF_BOUND
+        else:
+            coder = self._coder.with_step(self._coder.share / 2.0).coder
+            frames = self._prepare(self._sampled[0]).frames
+            n_modes = field_targets(frames, coder.mesh, coder.choices).shape[1]
+            n_steps = math.pow(frames.n_frames, 0.27) * math.pow(n_modes, 0.33)
+            first = self._coder.share * BOUNDS_PER_STEP / n_steps
+
         if n_trials is None and self._decoded is not None:
             self._choose_weights(first)
-        if self._may_follow:
+        if may_follow:
+            # If positions predict the track, its residuals decide the step.
             step = least_cost(self._size_bytes, first, n_trials=n_trials or MAX_TRIALS)
         else:
-            steps = [first] if self._is_single or n_trials == 1 else self._two_steps(first)
+            # A second step brings corrections closer to their share of the bytes at the best one.
+            steps = [first]
+            if not is_single and n_trials != 1:
+                self._size_bytes(first)
+                change = math.pow(BEST_SHARE / max(self._trials[first][1], 1e-9), SHARE_EXPONENT)
+                steps.append(first * min(max(change, MAX_CHANGE[0]), MAX_CHANGE[1]))
             step = min(steps, key=self._size_bytes)
+
         if self._best is None or self._best[0] != step:
-            self._best = step, self._coded(step, self._pieces)
+            self._best = step, self._coded_by(self._coder.with_step(step), self._pieces)
         if n_trials is None:
             self._best = step, self._on_grid(step, self._best[1]) or self._best[1]
         return step, self._coded_track(self._best[1])
@@ -222,40 +244,11 @@ class StepSearch:
         assert self._best is not None
         return self._coder if self._coder.grid else self._coder.with_step(self._best[0])
 
-    def _two_steps(self, first: float) -> list[float]:
-        """Return a step, and one whose corrections take about the best share of the bytes."""
-        self._size_bytes(first)
-        low, high = MAX_CHANGE
-        change = math.pow(BEST_SHARE / max(self._shares[first], 1e-9), SHARE_EXPONENT)
-        return [first, first * min(max(change, low), high)]
-
-    @property
-    def _may_follow(self) -> bool:
-        """Whether positions may predict the track; its residuals then decide the step."""
-        return bool(KIND_ROWS[self._coder.header.kind].follows)
-
-    @property
-    def _is_single(self) -> bool:
-        """Whether a value is a single number, whose largest error is half a step."""
-        return self._track.shape[0] * self._track.shape[2] == 1
-
-    @property
-    def _first_step(self) -> float:
-        if self._is_single:
-            return self._coder.single_step
-        if self._may_follow:
-            return self._coder.share / STEPS_OF_BOUND
-        coder = self._coder.with_step(self._coder.share / 2.0).coder
-        frames = self._first_block.frames
-        n_modes = field_targets(frames, coder.mesh, coder.choices).shape[1]
-        n_steps = math.pow(frames.n_frames, 0.27) * math.pow(n_modes, 0.33)
-        return self._coder.share * BOUNDS_PER_STEP / n_steps
-
     def _choose_weights(self, step: float) -> None:
         """Choose the weights with which the strongest modes of the first block take least bytes."""
         n_learned, piece = self._coder.coder.choices.n_learned, self._sampled[0]
         coder = self._coder.with_step(step).coder
-        frames = self._first_block.frames
+        frames = self._prepare(self._sampled[0]).frames
         n_modes = max(MIN_COMPARED_MODES, MAX_COMPARED_VALUES // frames.n_verts)
         targets = field_targets(frames, coder.mesh, coder.choices)[:, :n_modes]
 
@@ -278,56 +271,40 @@ class StepSearch:
             best = best_of([(NUGGETS[0] if nugget is None else nugget, best[1], closest)])
         nugget, n_learned, self._related = best
         self._coder = self._coder.with_weights(nugget, n_learned)
-        self._sizes, self._best = {}, None
-        self.__dict__.pop("_single", None)
+        self._trials, self._best, self._single = {}, None, None
 
     def _size_bytes(self, step: float) -> float:
-        if step not in self._sizes:
-            blocks = self._coded(step, self._sampled)
+        if step not in self._trials:
+            blocks = self._coded_by(self._coder.with_step(step), self._sampled)
             sizes = [sum(len(payload) for _, payload in block.sections) for block in blocks]
-            corrections = (
-                len(payload)
-                for block in blocks
-                for name, payload in block.sections
-                if name is Section.CORRECTIONS
-            )
-            self._shares[step] = sum(corrections) / sum(sizes)
+            sections = chain.from_iterable(block.sections for block in blocks)
+            corrections = sum(len(data) for name, data in sections if name is Section.CORRECTIONS)
             size = estimated_bytes(sizes, len(self._pieces))
-            if len(blocks) == len(self._pieces) and size < min(
-                self._sizes.values(), default=math.inf
-            ):
+            smallest = min((size for size, _ in self._trials.values()), default=math.inf)
+            if len(blocks) == len(self._pieces) and size < smallest:
                 self._best = step, blocks
-            self._sizes[step] = size
-        return self._sizes[step]
-
-    def _coded(self, step: float, pieces: Sequence[slice]) -> list[CodedValues]:
-        return self._coded_by(self._coder.with_step(step), pieces)
+            self._trials[step] = size, corrections / sum(sizes)
+        return self._trials[step][0]
 
     def _coded_by(self, coder: TrackCoder, pieces: Sequence[slice]) -> list[CodedValues]:
-        blocks = map(coder.code_prepared, self._blocks(pieces))
-        return [
-            block if self._keeps_fields else replace(block, fields=NO_FIELDS) for block in blocks
-        ]
-
-    def _blocks(self, pieces: Sequence[slice]) -> Iterable[PreparedValues]:
-        """Return the prepared blocks of frames; a single one is cached."""
-        return [self._single] if len(pieces) == 1 else map(self._prepare, pieces)
-
-    @property
-    def _first_block(self) -> PreparedValues:
-        """The first of the blocks that are compared."""
-        return self._single if len(self._pieces) == 1 else self._prepare(self._sampled[0])
-
-    @cached_property
-    def _single(self) -> PreparedValues:
-        return self._prepare(self._pieces[0])
+        blocks = map(coder.code_prepared, map(self._prepare, pieces))
+        if self._keeps_fields:
+            return list(blocks)
+        return [replace(block, fields=NO_FIELDS) for block in blocks]
 
     def _prepare(self, piece: slice) -> PreparedValues:
+        """Return the prepared block of frames; an only block is cached."""
+        is_single = self._pieces == [piece]
+        if is_single and self._single is not None:
+            return self._single
         values, positions = self._track.read(piece.start, piece.stop), None
         if self._decoded is not None and self._coder.surface is not None:
             positions = self._decoded(piece.start, piece.stop)
         weights = self._weights(self._coder, piece, self._related)
-        return self._coder.prepare(values, positions, weights)
+        prepared = self._coder.prepare(values, positions, weights)
+        if is_single:
+            self._single = prepared
+        return prepared
 
     def _weights(
         self, coder: TrackCoder, piece: slice, related: RelatedTrack | None
