@@ -15,7 +15,7 @@ import numpy.typing as npt
 from meshreel.arrays import Integers, Vertices
 from meshreel.codec.bitstream.container import Header, Sections, StreamWriter
 from meshreel.codec.bitstream.layout import Section
-from meshreel.codec.config import MAX_BLOCK_POSITIONS, EncoderConfig
+from meshreel.codec.config import MAX_BLOCK_POSITIONS
 from meshreel.codec.images import reencode_images
 from meshreel.codec.mesh_edits import MeshEdits
 from meshreel.codec.methods import BlockCoder, LiveStart, UnreachableError, method_named
@@ -164,7 +164,13 @@ class Encoder:
         self._timing, self._surface = Timing.of_rate(fps, start_s), surface
         self._times: list[float] = []
         self._max_latency_s = max_latency_s
-        self._config = _checked_config(block_frames, options)
+        if isinstance(block_frames, str) and block_frames != "auto":
+            raise InvalidInputError(
+                Keyword("block_frames"), f" must be a number or 'auto'; got {block_frames!r}"
+            )
+        n_frames = None if block_frames == "auto" else block_frames
+        self._config = config_of(**{**options, "block_frames": n_frames})
+        self._config.check_live()
         self._targets = tracks
         self._faces = faces if isinstance(faces, Cells) else np.asarray(faces)
         self._mesh: _Mesh | None = None  # of the last frame
@@ -230,8 +236,12 @@ class Encoder:
             raise InvalidInputError("the encoder is closed; it takes no more frames")
         array = np.asarray(frame)
         times = self._times_with(time)
-        mesh, values = self._checked(array, tracks, faces, surface)
+        if array.ndim != 2:
+            raise InvalidInputError(f"a frame must have shape (V, 3); got {array.shape}")
+        validate_vertices(array[None])
+        mesh, values = self._mesh_of(array, tracks, faces, surface)
         self._times = times
+
         if mesh is not self._mesh:
             if self._frames:
                 self._code()
@@ -277,7 +287,11 @@ class Encoder:
         finally:
             self._analysis_thread.shutdown()
             self._file_thread.shutdown()
-            self._release()
+            if self._path is not None:
+                with self._errors_naming_output():
+                    self._file.close()
+                if not self._writer.size_bytes:
+                    self._path.unlink(missing_ok=True)
         if not self.n_frames:
             raise InvalidInputError("no frame was pushed; there is nothing to write")
 
@@ -306,13 +320,6 @@ class Encoder:
             f"{mesh}, {self._timing.fps:g} fps>"
         )
 
-    def _release(self) -> None:
-        if self._path is not None:
-            with self._errors_naming_output():
-                self._file.close()
-            if not self._writer.size_bytes:
-                self._path.unlink(missing_ok=True)
-
     def _errors_naming_output(self) -> AbstractContextManager[None]:
         name = self._path or Path(str(getattr(self._file, "name", "the output file")))
         return os_errors_naming_output(name)
@@ -330,7 +337,7 @@ class Encoder:
         Timing.of_times([*self._times[-1:], time])
         return [*self._times, float(time)]
 
-    def _checked(
+    def _mesh_of(
         self,
         array: Vertices,
         tracks: Mapping[str, Track | npt.ArrayLike] | None,
@@ -338,66 +345,57 @@ class Encoder:
         surface: Surface | None,
     ) -> tuple[_Mesh, dict[str, Track]]:
         """Return the mesh of a frame, which is the last one or new, and a copy of its tracks."""
-        if array.ndim != 2:
-            raise InvalidInputError(f"a frame must have shape (V, 3); got {array.shape}")
-        validate_vertices(array[None])
-        last = self._mesh
+        last, n_verts = self._mesh, len(array)
+        is_new = last is None or (surface is not None and surface is not last.given_surface)
+        if last is not None and not is_new and faces is not None:
+            is_new = n_verts != last.n_verts or not np.array_equal(np.asarray(faces), last.faces)
+
+        if last is not None and not is_new:
+            if (last.n_verts, last.dtype) != (n_verts, array.dtype):
+                raise InvalidInputError(
+                    f"frame {self.n_frames} has {counted(n_verts, 'vertex')} of type "
+                    f"{array.dtype}; frame {last.first_frame} has {last.n_verts} of type "
+                    f"{last.dtype}; another mesh needs its faces with the frame"
+                )
+            values = _copied_tracks(tracks, n_verts, len(last.faces), last.surface)
+            descriptions = {name: describe_track(track) for name, track in values.items()}
+            if last.tracks != descriptions:
+                raise InvalidInputError(
+                    f"frame {self.n_frames} has the tracks {descriptions or 'none'}; frame "
+                    f"{last.first_frame} has {last.tracks or 'none'}"
+                )
+            return last, values
+
         if last is None:
             surface = self._surface if surface is None else surface
-            if faces is None:
-                faces, surface = _faces_of(self._faces, len(array), surface)
-        elif _begins_segment(last, len(array), faces, surface):
-            if self._config.positions_only:
-                raise InvalidInputError(
-                    f"frame {self.n_frames} has other faces; method {self._config.method} needs "
-                    "the same in every frame; use reel or lossless"
-                )
-            if faces is None:
-                faces = last.faces
-        else:
-            return last, self._tracks_like(last, array, tracks)
-        return self._new_mesh(array, tracks, faces, surface or PLAIN)
-
-    def _tracks_like(
-        self, mesh: _Mesh, array: Vertices, tracks: Mapping[str, Track | npt.ArrayLike] | None
-    ) -> dict[str, Track]:
-        """Return the tracks of a frame of the last mesh; raises InvalidInputError if it differs."""
-        if (mesh.n_verts, mesh.dtype) != (len(array), array.dtype):
+            if isinstance(self._faces, Cells) and faces is None:
+                faces, of_cells = surface_of_cells(self._faces, n_verts)
+                surface = replace(surface, face_sizes=of_cells.face_sizes, cells=of_cells.cells)
+            elif faces is None:
+                faces = np.asarray(self._faces)
+        elif self._config.positions_only:
             raise InvalidInputError(
-                f"frame {self.n_frames} has {counted(len(array), 'vertex')} of type {array.dtype}; "
-                f"frame {mesh.first_frame} has {mesh.n_verts} of type {mesh.dtype}; another mesh "
-                "needs its faces with the frame"
+                f"frame {self.n_frames} has other faces; method {self._config.method} needs "
+                "the same in every frame; use reel or lossless"
             )
-        values = _copied_tracks(tracks, mesh.n_verts, len(mesh.faces), mesh.surface)
-        descriptions = {name: describe_track(track) for name, track in values.items()}
-        if mesh.tracks != descriptions:
-            raise InvalidInputError(
-                f"frame {self.n_frames} has the tracks {descriptions or 'none'}; frame "
-                f"{mesh.first_frame} has {mesh.tracks or 'none'}"
-            )
-        return values
-
-    def _new_mesh(
-        self,
-        array: Vertices,
-        tracks: Mapping[str, Track | npt.ArrayLike] | None,
-        faces: npt.ArrayLike,
-        given_surface: Surface,
-    ) -> tuple[_Mesh, dict[str, Track]]:
-        triangles = np.array(validate_faces(faces, len(array)))
-        surface = given_surface.validated(len(array), triangles)
+        elif faces is None:
+            faces = last.faces
+        given_surface = surface or PLAIN
+        triangles = np.array(validate_faces(faces, n_verts))
+        surface = given_surface.validated(n_verts, triangles)
         bits = self._config.uv_bits
-        if bits is not None and (self._mesh is None or has_uvs(surface)):
+        if bits is not None and (last is None or has_uvs(surface)):
             check_uvs(surface, bits)
-        if self._mesh is None or surface.images:
+        if last is None or surface.images:
             surface = reencode_images(
                 [surface], self._config.images, self._config.max_image, Notes()
             )(surface)
-        values = _copied_tracks(tracks, len(array), len(triangles), surface)
-        kept_bounds(self._config, values, self._targets_of(values, is_first=self._mesh is None))
+        values = _copied_tracks(tracks, n_verts, len(triangles), surface)
+        kept_bounds(self._config, values, self._targets_of(values, is_first=last is None))
         descriptions = {name: describe_track(track) for name, track in values.items()}
+        first_frame = self.n_frames
         mesh = _Mesh(
-            triangles, surface, given_surface, len(array), array.dtype, self.n_frames, descriptions
+            triangles, surface, given_surface, n_verts, array.dtype, first_frame, descriptions
         )
         return mesh, values
 
@@ -483,38 +481,6 @@ class Encoder:
         self._wait()
         if self._writing is not None:
             self._writing.result()
-
-
-def _checked_config(block_frames: int | str, options: dict[str, Any]) -> EncoderConfig:
-    if isinstance(block_frames, str) and block_frames != "auto":
-        raise InvalidInputError(
-            Keyword("block_frames"), f" must be a number or 'auto'; got {block_frames!r}"
-        )
-    n_frames = None if block_frames == "auto" else block_frames
-    config = config_of(**{**options, "block_frames": n_frames})
-    config.check_live()
-    return config
-
-
-def _faces_of(
-    faces: npt.NDArray[Any] | Cells, n_verts: int, surface: Surface
-) -> tuple[npt.NDArray[Any], Surface]:
-    """Return faces with their surface; of cells, those of their boundary."""
-    if not isinstance(faces, Cells):
-        return faces, surface
-    triangles, of_cells = surface_of_cells(faces, n_verts)
-    return triangles, replace(surface, face_sizes=of_cells.face_sizes, cells=of_cells.cells)
-
-
-def _begins_segment(
-    last: _Mesh, n_verts: int, faces: npt.ArrayLike | None, surface: Surface | None
-) -> bool:
-    """Return whether a pushed mesh differs from the last one."""
-    if surface is not None and surface is not last.given_surface:
-        return True
-    if faces is None:
-        return False
-    return n_verts != last.n_verts or not np.array_equal(np.asarray(faces), last.faces)
 
 
 def _copied_tracks(
