@@ -15,7 +15,6 @@ from meshreel.codec.reel.encoding.track_coders import (
     length_allowed,
 )
 from meshreel.codec.reel_file import ReelFile
-from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.codec.track_bounds import Measure, TrackBound
 from meshreel.errors import InvalidInputError
 from meshreel.model.tracks import TrackKind
@@ -136,7 +135,6 @@ def test_normals_have_length_one_and_are_within_their_angle():
 
 @pytest.mark.parametrize("degrees", [0.01, 0.5, 30])
 def test_angle_bound_holds_for_slightly_short_normals(degrees):
-    box = BoundingFrame((0.0, 0.0, 0.0), 2.0)
     apart = length_allowed(TrackBound(Measure.ANGLE, degrees), 2.0)
     assert np.degrees(np.arcsin(apart / (1 - UNIT_LENGTH_TOLERANCE))) <= degrees
 
