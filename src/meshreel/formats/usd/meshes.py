@@ -23,7 +23,13 @@ from meshreel.formats.usd.quantities import (
     quantities,
     read_attributes,
 )
-from meshreel.formats.usd.sampling import TOLERANCE, Samples, attribute_codes, distinct_codes
+from meshreel.formats.usd.sampling import (
+    ARE_FRAMES,
+    TOLERANCE,
+    Samples,
+    attribute_codes,
+    distinct_codes,
+)
 from meshreel.formats.usd.stage import usd_errors
 from meshreel.formats.usd.unread import MISFITS, StageContents
 from meshreel.model.geometry.hard_edges import remaining_edges
@@ -293,7 +299,15 @@ class StageMesh:
             shape_codes = shape_codes + [
                 code for quantity in quantities(self.prim) for code in quantity.times()
             ]
-        return Samples(distinct_codes(shape_codes), distinct_codes(keys))
+        are_frames = any(above.GetCustomDataByKey(ARE_FRAMES) for above in ancestors(self.prim))
+        tolerance = 0.0 if are_frames else TOLERANCE
+        source = self.prim.GetAttribute("points").GetResolveInfo().GetSource()
+        return Samples(
+            distinct_codes(shape_codes, tolerance),
+            distinct_codes(keys, tolerance),
+            are_frames,
+            source == USD.load("Usd").ResolveInfoSourceValueClips,
+        )
 
     def frame(self, code: float) -> PolygonMesh:
         """Return the mesh in world space at a time code, counterclockwise and without holes.

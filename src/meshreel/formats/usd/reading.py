@@ -38,6 +38,7 @@ from meshreel.model.validation import validate_fps
 from meshreel.runtime.extras import USD
 
 RESAMPLED = "frames differ from samples; USD interpolates at each frame"
+BLURRED = "samples between frames, as for motion blur"
 FINAL_POSE = "the last frame shows the final pose, which is earlier"
 """Subjects of notes, which list meshes."""
 
@@ -94,7 +95,7 @@ def _scene_mesh(mesh: StageMesh, codes: Floats, rate: float, *, has_rate: bool) 
     animated = cache(lambda: mesh.animated(codes))
     return SceneMesh(
         mesh.path,
-        snap(codes) / rate,
+        (codes if mesh.samples.are_frames else snap(codes)) / rate,
         lambda index: mesh.frame(float(codes[index])),
         lambda index: mesh.surface(float(codes[index]), animated()),
         fps,
@@ -136,7 +137,11 @@ def _frame_codes(
 
     def codes_of(mesh: StageMesh) -> Floats:
         codes = mesh.samples.frames(frame_interval, origin)
-        if len(codes) != (n_samples := len(mesh.samples.all)):
+        n_samples = len(mesh.samples.all)
+        if len(codes) < n_samples and np.isin(codes, mesh.samples.all).all():
+            name = f"{mesh.path} ({n_samples - len(codes)} of {n_samples})"
+            mesh.contents.notes.left_out(BLURRED, [name])
+        elif len(codes) != n_samples:
             name = f"{mesh.path} ({n_samples} samples, {len(codes)} frames)"
             mesh.contents.notes.list_names(NoteKind.CHANGED, RESAMPLED, [name])
         if n_samples:

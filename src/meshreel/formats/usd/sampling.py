@@ -17,6 +17,9 @@ MAX_CODE = 1e9
 MAX_UPSAMPLING = 4
 """Largest ratio of frames to samples when gaps between uneven samples are filled."""
 
+ARE_FRAMES = "meshreel:frames"
+"""Key of the custom data that meshreel writes with uneven times: all samples are frames."""
+
 TOLERANCE = 1e-6
 """Tolerance of time codes, for rounding errors of layer offsets and scales."""
 
@@ -30,8 +33,8 @@ def attribute_codes(attribute: Any) -> list[float]:
     return [float(code) for code in attribute.GetTimeSamples()]
 
 
-def distinct_codes(codes: list[float]) -> Codes:
-    """Return the codes sorted and without duplicates within `TOLERANCE`.
+def distinct_codes(codes: list[float], tolerance: float = TOLERANCE) -> Codes:
+    """Return the codes sorted and without duplicates within a tolerance.
 
     Raises
     ------
@@ -44,7 +47,7 @@ def distinct_codes(codes: list[float]) -> Codes:
             f"has samples from time code {ordered[0]:g} to {ordered[-1]:g}; "
             f"expected -{MAX_CODE:g} to {MAX_CODE:g}"
         )
-    distinct: Codes = ordered[np.diff(ordered, prepend=-np.inf) > TOLERANCE]
+    distinct: Codes = ordered[np.diff(ordered, prepend=-np.inf) > tolerance]
     return distinct
 
 
@@ -94,11 +97,16 @@ class Samples:
     """Samples of points and faces."""
     keys: Codes
     """Samples of transforms, joints and blend shapes, which move points between their samples."""
+    are_frames: bool = False
+    """Whether all samples are frames, as in files with uneven times that meshreel wrote."""
+    has_clips: bool = False
+    """Whether points are in value clips, which have samples between frames where a clip ends."""
 
     @cached_property
     def all(self) -> Codes:
         """All time codes, sorted."""
-        return distinct_codes([*self.shape_codes, *self.keys])
+        tolerance = 0.0 if self.are_frames else TOLERANCE
+        return distinct_codes([*self.shape_codes, *self.keys], tolerance)
 
     def moves_between_samples(self, frame_interval: float) -> bool:
         """Return whether the mesh moves between its samples, so that frames can be anywhere.
@@ -119,12 +127,16 @@ class Samples:
         origin : float
             Time code of a frame, at or before all samples of meshes that move between samples.
         """
+        if self.are_frames:
+            return self.all
         if self.moves_between_samples(frame_interval):
             return sampled_codes(self.all, frame_interval, origin)
         if len(self.keys) < 2 or not (
-            interval := even_interval(grid := even_codes(self.shape_codes, frame_interval))
+            interval := even_interval(
+                grid := even_codes(self.shape_codes, frame_interval, has_clips=self.has_clips)
+            )
         ):
-            return even_codes(self.all, frame_interval)
+            return even_codes(self.all, frame_interval, has_clips=self.has_clips)
         keys = even_codes(self.keys, frame_interval)
         first = grid[0] - interval * max(0, math.ceil((grid[0] - keys[0]) / interval - TOLERANCE))
         last = grid[-1] + interval * max(0, math.ceil((keys[-1] - grid[-1]) / interval - TOLERANCE))
@@ -144,20 +156,27 @@ def sampled_codes(samples: Codes, frame_interval: float, origin: float) -> Codes
     return frame_grid(first, float(samples[-1]), frame_interval)
 
 
-def even_codes(samples: Codes, frame_interval: float) -> Codes:
+def even_codes(samples: Codes, frame_interval: float, *, has_clips: bool = False) -> Codes:
     """Return the samples of points and transforms, made even if they are uneven for a known reason.
 
-    Samples between integer codes, as for motion blur, are dropped, except a last one, which is the
-    final pose. Gaps where exporters omitted samples that are linear are filled with frames, if all
-    samples are at frames of the stage. Other uneven samples are unchanged.
+    Samples between frames of the stage are dropped if they have the same offsets from every frame,
+    as for motion blur, or belong to value clips. Gaps where exporters omitted samples that are
+    linear are filled with frames, if all samples are at frames of the stage. Other uneven samples
+    are unchanged.
     """
     if len(samples) < 2 or even_interval(samples):
         return samples
-    is_integer = np.abs(samples - np.round(samples)) <= TOLERANCE
-    if not is_integer[:-1].all() or is_integer[-1]:
-        integers = samples[is_integer]
-        if even_interval(integers) == 1:
-            return integers
+    numbers = samples / frame_interval
+    is_frame = np.abs(numbers - np.round(numbers)) <= TOLERANCE
+    if even_interval(np.round(numbers[is_frame])) == 1 and not is_frame.all():
+        first, last = np.round(numbers[is_frame])[[0, -1]]
+        others = numbers[~is_frame]
+        group = np.searchsorted(distinct_codes([*(others % 1)]), others % 1, side="right") - 1
+        n_between = np.bincount(group, (others > first) & (others < last))
+        # A single interval tells nothing: then offsets must also recur before or after it.
+        recurs = (n_between == last - first).all() and np.bincount(group).min() > 1
+        if recurs or has_clips:
+            return samples[is_frame]
     interval = float(snap(np.diff(samples).min()))
     steps = (samples - samples[0]) / interval
     is_on_grid = np.abs(steps - np.round(steps)).max() <= TOLERANCE * max(1.0, steps[-1])

@@ -35,7 +35,7 @@ from meshreel.formats.usd.quantities import (
     UNIT,
     UVS,
 )
-from meshreel.formats.usd.sampling import snap
+from meshreel.formats.usd.sampling import ARE_FRAMES, snap
 from meshreel.formats.usd.stage import usd_errors
 from meshreel.model.colors import to_linear
 from meshreel.model.geometry.hard_edges import RowNormals
@@ -205,6 +205,8 @@ def begin_stage(
     geometry.SetStageMetersPerUnit(stage, 1.0)
     transform = geometry.Xform.Define(stage, root)
     stage.SetDefaultPrim(transform.GetPrim())
+    if stream.timing.times is not None:
+        transform.GetPrim().SetCustomDataByKey(ARE_FRAMES, True)
     if shift.any():
         operation = transform.AddTranslateOp(geometry.XformOp.PrecisionDouble)
         operation.Set(tuple(shift.tolist()))

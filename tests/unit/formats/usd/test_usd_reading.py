@@ -208,6 +208,16 @@ def test_load_selects_and_merges_several_meshes(stage_file):
     np.testing.assert_array_equal(merged.vertices[:, 4:], np.tile(SQUARE, (3, 1, 1)))
 
 
+def test_load_names_samples_between_frames_that_it_leaves_out(stage_file, notes):
+    codes = 0.75, 1, 1.25, 1.75, 2, 2.25, 2.75, 3, 3.25
+    keys = "".join(
+        f"{code}: [(0, 0, {code}), (1, 0, 0), (0, 1, 0), (1, 1, 0)],\n" for code in codes
+    )
+    path = stage_file(mesh(points=f"point3f[] points.timeSamples = {{ {keys} }}"))
+    np.testing.assert_array_equal(load(path, notes=notes).vertices[:, 0, 2], [1, 2, 3])
+    assert "left out: samples between frames, as for motion blur: /m (6 of 9)" in notes
+
+
 def test_load_reads_instances_of_prims(stage_file):
     body = f"""class "proto" {{ {mesh(points=MOVING % (0, 1, 2))} }}
     def Xform "a" (instanceable = true
@@ -432,11 +442,17 @@ def test_even_interval_tolerates_rounding_errors():
 @pytest.mark.parametrize(
     ("samples", "frame_interval", "expected"),
     [
-        *((even, 0, even) for even in ([], [4], [1, 2, 3], [0, 2.5, 5], [10.25, 10.5, 10.75])),
-        *((uneven, 0, uneven) for uneven in ([0, 33, 67, 100], [0, 1, 1000], [0.1, 0.4, 1.1])),
-        ([0.75, 1, 1.25, 1.75, 2, 2.25, 2.75, 3, 3.25], 0, [1, 2, 3]),  # for motion blur
-        ([0, 1, 2, 2.5], 0, [0, 0.5, 1, 1.5, 2, 2.5]),
-        ([0, 1, 2, 3.3], 0, [0, 1, 2, 3.3]),
+        *((even, 1, even) for even in ([], [4], [1, 2, 3], [0, 2.5, 5], [10.25, 10.5, 10.75])),
+        *((uneven, 1, uneven) for uneven in ([0, 33, 67, 100], [0, 1, 1000], [0.1, 0.4, 1.1])),
+        # Motion blur has the same offsets from every frame, also if codes are not frames.
+        ([0.75, 1, 1.25, 1.75, 2, 2.25, 2.75, 3, 3.25], 1, [1, 2, 3]),
+        ([1, 1.25, 1.75, 2, 2.25, 2.75, 3], 1, [1, 2, 3]),
+        ([0.75, 1, 1.25, 1.75, 2, 2.25], 1, [1, 2]),
+        ([40, 50, 60, 90, 100, 110, 140, 150, 160], 50, [50, 100, 150]),
+        *((uneven, 1, uneven) for uneven in ([0, 0.1, 0.3, 1], [0, 0.25, 1, 1.25, 2, 3])),
+        ([0, 0.1, 1, 1.1, 2], 1 / 24, [0, 0.1, 1, 1.1, 2]),  # codes are seconds
+        ([0, 1, 2, 2.5], 0.5, [0, 0.5, 1, 1.5, 2, 2.5]),
+        ([0, 1, 2, 3.3], 1, [0, 1, 2, 3.3]),
         ([2, 4, 6, 12], 1, [2, 4, 6, 8, 10, 12]),  # with a gap
     ],
 )
