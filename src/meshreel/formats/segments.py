@@ -62,8 +62,10 @@ def _open(files: SourceFiles, reading: Reading) -> MeshSequence:
     timing = Timing.joined([run.timing for run in runs], [run.n_frames for run in runs])
     sequence = MeshSequence.of_segments(selected, timing=timing)
     if len(files.paths) > 1:
-        from meshreel.formats.frames.numbering import timing_by_number  # for several files only
+        # for several files only
+        from meshreel.formats.frames.numbering import note_order, timing_by_number
 
+        note_order(files.paths, reading.notes)
         timing = timing_by_number(files.paths, reading.fps or 0.0, reading.notes)
         sequence = sequence.replace(timing=timing)
     if has_several:

@@ -23,6 +23,10 @@ Named = TypeVar("Named", str, Path, Path | str)
 NUMBER_FIELD = re.compile(r"%(0?)(\d{0,2})d")
 """Number of a frame in the name of its file, as in f_%04d.obj."""
 
+WHOLE = re.compile(r"(\d+)")
+DECIMAL = re.compile(r"((?<!\d)(?<!\d\.)\d+\.\d+(?!\.?\d)|\d+)")
+"""Numbers in names, without and with fractions; 1.2.3 has none."""
+
 MIN_SIMILARITY = 0.8
 """Similarity from which a name is suggested for one that does not exist."""
 
@@ -105,16 +109,54 @@ def missing_source(path: AnyPath) -> str:
     return f"{message}; did you mean {str(path.with_name(names[similar[0]]))!r}?"
 
 
-def natural_order(paths: Iterable[Named], name_of: Callable[[Named], str] = str) -> list[Named]:
-    """Sort paths or addresses so that ``frame_2`` precedes ``frame_10``, ignoring case."""
+def natural_order(
+    paths: Iterable[Named], name_of: Callable[[Named], str] = str, *, by_value: bool | None = None
+) -> list[Named]:
+    """Sort paths or addresses so that ``frame_2`` precedes ``frame_10``, ignoring case.
+
+    Parameters
+    ----------
+    by_value : bool, optional
+        Whether ``t_0.25`` precedes ``t_0.5``, as a decimal number, or ``v1.2`` precedes ``v1.10``.
+        Default: as `have_decimals` finds.
+    """
+    items = list(paths)
+    if by_value is None:
+        by_value = have_decimals([name_of(path) for path in items])
+    number = DECIMAL if by_value else WHOLE
 
     def key(path: Named) -> list[tuple[int, str]]:
         name = name_of(path)
-        parts = re.split(r"(\d+)", name.lower())
-        # Odd parts are numbers; the name itself breaks ties such as frame_1 and frame_01.
-        return [(int(p) if i % 2 else -1, p) for i, p in enumerate(parts)] + [(-1, name)]
+        parts = number.split(name.lower())
+        # Odd parts are numbers, whose fractions are in order as text; the name itself breaks ties
+        # such as frame_1 and frame_01.
+        return [
+            (int(p.partition(".")[0]), p.partition(".")[2] if by_value else p) if i % 2 else (-1, p)
+            for i, p in enumerate(parts)
+        ] + [(-1, name)]
 
-    return sorted(paths, key=key)
+    return sorted(items, key=key)
+
+
+def have_decimals(names: Sequence[str]) -> bool:
+    """Return whether names differ in decimal numbers, not in versions or counts after a point.
+
+    Decimal numbers have several whole parts or fractions that are no counts, as 0.05 beside 0.1,
+    and no value twice, as 1.1 and 1.10 would be.
+    """
+    rows = [DECIMAL.split(name.lower()) for name in names]
+    if len({len(row) for row in rows}) != 1:
+        return False
+    for column in [*zip(*rows, strict=True)][1::2]:
+        numbers = {number.partition(".")[::2] for number in column}
+        fractions = {fraction for _, fraction in numbers if fraction}
+        width = min(map(len, fractions), default=0)
+        are_counts = all(len(text) == width or text[0] != "0" for text in fractions)
+        n_values = len({(int(whole), fraction.rstrip("0")) for whole, fraction in numbers})
+        has_wholes = len({int(whole) for whole, _ in numbers}) > 1
+        if fractions and n_values == len(numbers) and (has_wholes or not are_counts):
+            return True
+    return False
 
 
 def _from_list(paths: list[Path]) -> SourceFiles:

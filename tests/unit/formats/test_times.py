@@ -133,6 +133,27 @@ def test_missing_frame_numbers_are_noted_and_keep_their_time(
         np.testing.assert_allclose(loaded.times, times, atol=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("names", "order"),
+    [
+        ("t_0.25 t_0.5 t_1.0", "decimal numbers in their names, t_0.25.obj before t_0.5.obj"),
+        ("v1.2 v1.10", "numbers after the point in their names, v1.2.obj before v1.10.obj"),
+        ("t_0.25 t_0.50 t_0.75", None),
+    ],
+)
+def test_a_note_names_the_order_of_decimal_numbers_that_are_no_times(tmp_path, names, order):
+    notes = []
+    for number, name in enumerate(names.split()):
+        save(waving_grid(3)[number : number + 1], tmp_path / f"{name}.obj")
+    loaded = load(tmp_path, fps=10, notes=notes)
+    np.testing.assert_allclose(loaded.vertices, waving_grid(3)[: loaded.n_frames].vertices)
+    assert [note for note in notes if "order" in note] == (
+        [f"files are in order of {order}; rename them for another order"] if order else []
+    )
+    if "1.0" in names:
+        np.testing.assert_allclose(loaded.times, [0, 0.1, 0.2])
+
+
 def test_gaps_between_segments_and_in_lists_keep_their_time(tmp_path, notes):
     for number in (1, 2, 5, 6):
         save(waving_grid(1, rows=8 + number // 5), tmp_path / f"f_{number}.ply")

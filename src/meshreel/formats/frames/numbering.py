@@ -1,12 +1,12 @@
-"""Frame numbers in file names, and the times that follow from them."""
+"""Frame numbers in file names, their order, and the times that follow from them."""
 
-import re
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from math import gcd
 from pathlib import Path
 
 from meshreel.errors import Keyword, Message
+from meshreel.formats.sources import WHOLE, have_decimals, natural_order
 from meshreel.model.notes import Notes, listed
 from meshreel.model.timing import Timing
 
@@ -43,10 +43,26 @@ def timing_by_number(paths: Sequence[Path], fps: float, notes: Notes) -> Timing:
     return Timing.of_times([(number - numbers[0]) / fps for number in numbers])
 
 
+def note_order(paths: Sequence[Path], notes: Notes) -> None:
+    """Note the order of files whose names contain decimal numbers, or counts after a point."""
+    by_value, by_count = (natural_order(paths, by_value=choice) for choice in (True, False))
+    is_by_value = list(paths) == by_value
+    if by_value == by_count or not (is_by_value or list(paths) == by_count):
+        return  # only one order is possible, or the user gave another one
+    pairs = zip(by_value, by_count, strict=True)
+    first, second = next((one.name, other.name) for one, other in pairs if one != other)
+    if not is_by_value:
+        first, second = second, first
+    meaning = "decimal numbers" if is_by_value else "numbers after the point"
+    text = f"files are in order of {meaning} in their names, {first} before {second}; "
+    notes.result("order of files", text + "rename them for another order")
+
+
 def frame_numbers(paths: Iterable[Path]) -> list[int]:
     """Return the ascending number in which the names of files differ; empty for other names."""
-    names = [re.split(r"(\d+)", str(path).lower()) for path in paths]
-    if len({len(name) for name in names}) != 1:
+    texts = [str(path).lower() for path in paths]
+    names = [WHOLE.split(text) for text in texts]
+    if len({len(name) for name in names}) != 1 or have_decimals(texts):
         return []
     differing = [column for column in zip(*names, strict=True) if len({*column}) > 1]
     if len(differing) != 1 or not all(map(str.isdecimal, differing[0])):
