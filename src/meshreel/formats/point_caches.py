@@ -187,7 +187,7 @@ def _timing(times: npt.NDArray[Any]) -> Timing:
     decimal_start_s = float(str(np.float32(times[0])))
     if (np.diff(times) <= 0).any():
         return Timing(0.0, decimal_start_s)
-    timing = Timing.of_times(times.astype(np.float64))
+    timing = Timing.of_times(times.astype(np.float32))
     rates = dict.fromkeys([timing.fps, round(timing.fps, 2), round(timing.fps, 3)])
     rates.pop(0.0, None)
     whole_frame_starts = [(fps, round(float(times[0]) * fps) / fps) for fps in rates]

@@ -141,7 +141,7 @@ class MeshSequence(Timed):
         Time of the first frame, in seconds.
     times : float array of shape (T,), optional
         Time of each frame in seconds, finite and ascending, in place of `fps` and `start_s`. Frames
-        that are evenly spaced, up to the digits of their times, get a frame rate.
+        that are evenly spaced, within an ulp of the last time, get a frame rate.
     cells : Cells, optional
         Cells of a volume mesh, whose surface are the faces. ``sequence.surface.cells`` has them.
     surface : Surface, optional
@@ -250,7 +250,7 @@ class MeshSequence(Timed):
         Parameters
         ----------
         segments : iterable of FrameSource
-            At least one, all of the same frame rate. Adjacent segments may have equal faces; a
+            At least one. Adjacent segments may have equal faces; a
             `MeshSequence` of several segments contributes all of them.
         name, timing : optional
             Default: the name of the first segment, and `Timing.joined` of all.
@@ -657,8 +657,9 @@ def concatenate(sequences: Iterable[MeshSequence]) -> MeshSequence:
     Parameters
     ----------
     sequences : iterable of MeshSequence
-        At least one. Name and start are those of the first. Either all have the same frame rate, or
-        the times of all frames ascend.
+        At least one. Name and start are those of the first. Frames keep their times if each
+        sequence begins after the last frame of the one before. Otherwise all must have the same
+        frame rate, and follow the first sequence at that rate.
 
     Raises
     ------

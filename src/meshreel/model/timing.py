@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from decimal import Decimal
+from itertools import accumulate, pairwise
 from typing import Any
 
 import numpy as np
@@ -16,12 +16,6 @@ NTSC = 1000 / 1001
 
 RATE_TOLERANCE = 2e-6
 """Relative tolerance of a frame rate: above 1e-6, the difference between 29.97 and 30000/1001."""
-
-EVEN_TOLERANCE = 1e-3
-"""Maximum deviation of evenly spaced frames from their even times, in intervals."""
-
-EXACT_DIGITS = 15
-"""Minimum number of significant digits of times that were not rounded to decimals."""
 
 DUE_TOLERANCE = 1e-6
 """How early frames at a rate are due, in intervals, because times have rounding errors."""
@@ -67,21 +61,20 @@ class Timing:
         times_s: Sequence[float] | Floats,
         n_frames: int | None = None,
         *,
-        resolution_s: float | None = None,
+        declared_fps: float = 0.0,
     ) -> "Timing":
         """Return the timing of frames at these times in seconds, ascending, of shape (T,).
 
-        The timing is a rate if evenly spaced times, rounded to as many digits as these times have,
-        or to float32, equal them, and each is within a thousandth of the interval of its even time.
-        The rate is rounded to a common one that agrees with the times: an integer, an NTSC rate, or
-        a decimal with up to three places. A single time has no rate.
+        The timing is a rate if each time is within an ulp of the last one, float32 for an array of
+        that type, of its even time. The rate is rounded to a common one that agrees with the times:
+        an integer, an NTSC rate, or a decimal with up to three places. A single time has no rate.
 
         Parameters
         ----------
         n_frames : int, optional
             Expected number of times.
-        resolution_s : float, optional
-            Resolution of the rounded times. Default: that of float32 if all are float32 values.
+        declared_fps : float
+            The rate, if the file states one and the times agree with it within `DUE_TOLERANCE`.
 
         Raises
         ------
@@ -90,19 +83,18 @@ class Timing:
         """
         times = _checked(times_s, n_frames)
         if len(times) == 1:
-            return cls(0.0, float(times[0]))
+            return cls(declared_fps, float(times[0]))
         timing = cls._uneven(times)
         if not timing.fps:
             return timing
-        coarse = _resolution(times) if resolution_s is None else resolution_s
-        span, even_limit = times[-1] - times[0], EVEN_TOLERANCE / timing.fps
-        for rounding in _rounding_errors(times):
-            limits = np.maximum(np.minimum(rounding, even_limit), 2 * coarse)
-            tolerance = max(RATE_TOLERANCE, float(np.max(limits)) / span)
-            for fps in (_common_rate(timing.fps, tolerance), timing.fps):
-                even = times[0] + np.arange(len(times)) / fps
-                if (np.abs(times - even) <= limits).all():
-                    return cls(fps, timing.start_s)
+        is_single = isinstance(times_s, np.ndarray) and times_s.dtype in ("<f4", ">f4")
+        last = np.array(np.abs(times).max(), np.float32 if is_single else np.float64)
+        ulp, span = float(np.spacing(last)), float(times[-1] - times[0])
+        common = rounded_rate(timing.fps, max(RATE_TOLERANCE, ulp / span))
+        declared = [(declared_fps, DUE_TOLERANCE / declared_fps)] if declared_fps else []
+        for fps, limit in (*declared, (common, ulp), (timing.fps, ulp)):
+            if (np.abs(times - (times[0] + np.arange(len(times)) / fps)) <= limit).all():
+                return cls(fps, timing.start_s)
         return timing
 
     @classmethod
@@ -118,28 +110,37 @@ class Timing:
     def joined(cls, timings: Sequence["Timing"], counts: Sequence[int]) -> "Timing":
         """Return the timing of several sequences in order, of these numbers of frames.
 
-        Frames at a rate follow the first ones at that rate, regardless of their own start. If any
-        have times of their own, the times of all must ascend.
+        All frames keep their times if each sequence begins after the last frame of the one before.
+        Otherwise all must have the same rate, and follow the first sequence regardless of their own
+        start.
 
         Raises
         ------
         InvalidInputError
             If the times do not ascend, or the rates differ.
         """
-        if any(timing.times is not None for timing in timings):
-            seconds = [timing.seconds(n) for timing, n in zip(timings, counts, strict=True)]
-            if any(part is None for part in seconds):
-                raise InvalidInputError(
-                    "some frames have times and others no frame rate; give all of them times"
-                )
-            return cls.of_times(np.concatenate([part for part in seconds if part is not None]))
-        rates = sorted({timing.fps for timing in timings})
+        first, rates = timings[0], sorted({timing.fps for timing in timings})
+        has_times = any(timing.times is not None for timing in timings)
+        if not has_times and len(rates) == 1:
+            starts = np.array([timing.start_s for timing in timings])
+            expected = [first.at(number) for number in accumulate(counts[:-1], initial=0)]
+            if (np.abs(starts - expected) <= 4 * np.spacing(np.abs(starts).max())).all():
+                return first
+        seconds = [timing.seconds(n) for timing, n in zip(timings, counts, strict=True)]
+        known = [part for part in seconds if part is not None]
+        if has_times and len(known) < len(seconds):
+            raise InvalidInputError(
+                "some frames have times and others no frame rate; give all of them times"
+            )
+        continues = all(after[0] > before[-1] for before, after in pairwise(known))
+        if has_times or (continues and len(known) == len(seconds)):
+            return cls.of_times(np.concatenate(known))
         if len(rates) > 1:
             raise InvalidInputError(
                 f"segments have {' and '.join(f'{rate:g}' for rate in rates)} frames per second; "
                 "give them the same fps"
             )
-        return timings[0]
+        return first
 
     def check(self, n_frames: int) -> None:
         """Raise InvalidInputError if there is not one time per frame."""
@@ -258,32 +259,14 @@ def _checked(times_s: Any, n_frames: int | None) -> Floats:
     return times
 
 
-def _resolution(times: Floats) -> float:
-    """Return the resolution of times that are float32 values; 0 for others."""
-    with np.errstate(over="ignore"):
-        rounded = times.astype(np.float32)
-    is_single = np.array_equal(rounded, times)
-    return float(np.spacing(np.abs(rounded).max())) if is_single else 0.0
+def rounded_rate(rate: float, tolerance: float) -> float:
+    """Return the common rate that agrees with a rate, or the rate itself.
 
-
-def _rounding_errors(times: Floats) -> list[Floats | float]:
-    """Return the largest rounding errors of times, for each way in which they may be rounded.
-
-    Times are rounded to significant digits or to decimal places, or if they have all digits, by
-    sums of float64.
+    Parameters
+    ----------
+    tolerance : float
+        Of the relative difference.
     """
-    decimals = [Decimal(repr(time)).normalize().as_tuple() for time in times.tolist()]
-    n_digits = max(len(decimal.digits) for decimal in decimals)
-    if n_digits >= EXACT_DIGITS:
-        return [(8 + len(times)) * float(np.spacing(np.abs(times).max()))]
-    exponents = np.array([int(decimal.exponent) for decimal in decimals])
-    magnitudes = exponents + [len(decimal.digits) for decimal in decimals]
-    half = 0.5000001  # units of the last digit, and the rounding errors of the even times
-    return [half * 10.0 ** (magnitudes - n_digits), half * 10.0 ** int(exponents.min())]
-
-
-def _common_rate(rate: float, tolerance: float) -> float:
-    """Return the common rate that agrees with a rate, or the rate itself."""
     common = (round(rate), round(rate / NTSC) * NTSC, round(rate, 2), round(rate, 3))
     near = [
         candidate

@@ -228,7 +228,7 @@ def test_extent_is_the_box_of_all_segments():
 
 def test_segments_need_one_frame_rate():
     with pytest.raises(InvalidInputError, match="24 and 25 frames per second"):
-        concatenate([GRID, SHEET.replace(fps=24.0)])
+        concatenate([GRID, SHEET.replace(fps=24.0, start_s=0.0)])
     with pytest.raises(InvalidInputError, match="at least one segment"):
         MeshSequence.of_segments([])
 

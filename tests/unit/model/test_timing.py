@@ -47,18 +47,18 @@ def sheet(n_frames=5, **options):
 @pytest.mark.parametrize(
     ("times", "fps"),
     [
-        ([float(f"{i / 24:.6g}") for i in range(300)], 24),  # as VTK writes them
-        ([float(f"{0.5 + i / 30:.5f}") for i in range(100)], 30),
-        (np.cumsum(np.full(1000, 0.1)), 10),
+        (np.arange(40) / 24, 24),
         (10 + 0.1 * np.arange(200), 10),
-        ([0, 1, 2.0009, 3], None),
-        ([float(f"{i / 1500:.4f}") for i in range(46)], None),  # rounded to a seventh of 1/1500
-        (0.04 * np.arange(500) + np.where(np.arange(500) == 77, 1e-9, 0), None),
-        (1e-6 * np.cumsum(1 + 1e-4 * np.sin(np.arange(50))), None),
-        (np.round(np.arange(20) / 3.5, 3), None),  # by up to 1.7 thousandths of an interval
+        ([0, 1 / 3, 1], None),
+        ([0, 1, np.nextafter(np.nextafter(2, 3), 3), 2.99], None),
+        ([0, 1, 2, 2.99999999999998], None),
+        ([0, 1, 1.99999999999998, 3], None),
+        ([float(f"{i / 24:.6g}") for i in range(300)], None),  # as VTK writes them
+        (np.cumsum(np.full(1000, 0.1)), None),
+        ((np.arange(40) / 24).astype(np.float32).astype(np.float64), None),
     ],
 )
-def test_times_are_even_only_if_their_digits_say_so(times, fps):
+def test_times_are_a_rate_only_within_an_ulp(times, fps):
     timing = Timing.of_times(times)
     assert timing.start_s == times[0]
     if fps is None:
@@ -110,6 +110,28 @@ def test_times_of_parts_shifts_and_concatenations_are_those_of_a_list(seed):
         np.testing.assert_allclose(timed.times, times, rtol=0, atol=1e-12)
         for time in (*timed.times, *(times + 1e-9), times[0] - 1):
             assert timed.frame_at(time) == max(0, np.searchsorted(timed.times, time, "right") - 1)
+
+
+def test_a_declared_rate_is_that_of_times_near_it():
+    near, far = 1 + np.array([0, 1, 2 + 1e-7, 3]) / 25, 1 + np.array([0, 1, 2 + 1e-5, 3]) / 25
+    assert Timing.of_times(near, declared_fps=25) == Timing(25, 1)
+    assert Timing.of_times(far, declared_fps=25).times.tolist() == far.tolist()
+    assert Timing.of_times([4.0], declared_fps=25) == Timing(25, 4)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "times"),
+    [
+        ((1, 0), (1, 5), [0, 1, 2, 5, 6, 7]),
+        ((1, 0), (2, 3), [0, 1, 2, 3, 3.5, 4]),
+        ((1, 0), (1, 0), [0, 1, 2, 3, 4, 5]),  # follow the first
+        ((1, 4), (1, 5), [4, 5, 6, 7, 8, 9]),
+        ((24, 0.1), (24, 0.1 + 3 / 24), 0.1 + np.arange(6) / 24),
+    ],
+)
+def test_concatenated_frames_keep_their_times_if_these_continue(first, second, times):
+    parts = [sheet(3, fps=fps, start_s=start) for fps, start in (first, second)]
+    assert meshreel.concatenate(parts).timing == Timing.of_times(times)
 
 
 def test_times_that_do_not_continue_are_refused():

@@ -40,7 +40,7 @@ from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh, revers
 from meshreel.model.notes import CAGES, Notes
 from meshreel.model.sequence import Vertices
 from meshreel.model.surface import Domain, Surface
-from meshreel.model.timing import Timing
+from meshreel.model.timing import rounded_rate
 from meshreel.model.tracks import TrackSource
 
 SCALE, TRANSLATE, ROTATE, MATRIX, ROTATE_X, ROTATE_Y, ROTATE_Z = range(7)
@@ -58,14 +58,10 @@ class Transform:
     """Contents of its compound ``.xform``: operations, channels, and the inheritance flag."""
 
     @property
-    def times_s(self) -> list[Floats]:
-        """Sample times of each animated property; empty if the transform is static."""
+    def animated(self) -> list[Property]:
+        """The animated properties; empty if the transform is static."""
         properties = (self.properties.get(name) for name in (".vals", ".inherits"))
-        return [
-            property_.times_s
-            for property_ in properties
-            if property_ is not None and not property_.is_constant
-        ]
+        return [values for values in properties if values is not None and not values.is_constant]
 
     def inherits(self, time_s: float) -> bool:
         """Return whether the parent transforms apply."""
@@ -303,7 +299,7 @@ class _AnimatedMesh:
         )
         self._cached_faces: tuple[tuple[int, ...], PolygonMesh] | None = None
         self._transform_times = [
-            times_s for transform in node.chain for times_s in transform.times_s
+            values.times_s for transform in node.chain for values in transform.animated
         ]
         geometry_times = (values.times_s for values in (self._points, self._corners, self._counts))
         self._times_s = unite_times([*geometry_times, *self._transform_times])
@@ -313,9 +309,16 @@ class _AnimatedMesh:
 
     def scene_mesh(self) -> SceneMesh:
         """Return the mesh in the format-independent representation."""
-        sampling, fps = self._points.sampling, None
-        if len(self._times_s) == 1 and sampling.is_uniform and self._points.sampling_index:
-            fps = Timing.of_times(sampling.times(2)).fps  # one sample alone has no frame rate
+        animated = (values for transform in self._node.chain for values in transform.animated)
+        samplings = [
+            values.sampling for values in (self._points, *animated) if values.sampling_index
+        ]
+        rates = {
+            rounded_rate(1 / sampling.cycle_s, 1e-12)
+            for sampling in samplings
+            if sampling.is_uniform and sampling.cycle_s
+        }
+        fps = rates.pop() if len(rates) == 1 else None
         return SceneMesh(
             self._node.path, self._times_s, self._frame, self._surface, fps, self._tracks,
             visibility=self._node.visibility,

@@ -23,7 +23,7 @@ from meshreel.formats.gltf.scene import (
 )
 from meshreel.formats.kinds import AnimationInfo
 from meshreel.model.notes import Notes, listed
-from meshreel.model.timing import Timing
+from meshreel.model.timing import rounded_rate
 
 PATHS = {
     "translation": ("VEC3", 3),
@@ -372,8 +372,7 @@ def common_rate(keys_s: Floats) -> float:
         n_intervals = round(span * rate * multiple)
         if n_intervals >= MAX_FRAMES:
             return 0.0
-        grid = np.linspace(distinct[0], distinct[-1], n_intervals + 1)
-        fps = Timing.of_times(grid, resolution_s=_rounding(distinct)).fps
+        fps = rounded_rate(n_intervals / span, 2 * _rounding(distinct) / span)
         is_full = n_intervals + 1 == len(distinct)
         if (is_full or fps <= MAX_SPARSE_FPS) and _is_on_grid(distinct, fps):
             return fps

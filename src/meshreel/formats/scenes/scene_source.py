@@ -160,9 +160,8 @@ def _timing(mesh: SceneMesh, reading: Reading) -> Timing:
     """Return the timing of a mesh; a frame rate of the options replaces its times."""
     if mesh.fps == 0:
         return Timing(reading.fps or 0.0)
-    timing = Timing.of_times(mesh.times_s)
-    declared_fps = mesh.fps if timing.times is None else None
-    return timing.at_rate(reading.fps or declared_fps or None)
+    timing = Timing.of_times(mesh.times_s, declared_fps=mesh.fps or 0.0)
+    return timing.at_rate(reading.fps or None)
 
 
 def _read_frames(mesh: SceneMesh, reading: Reading) -> "list[_SceneRun]":

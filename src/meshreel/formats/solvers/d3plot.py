@@ -91,7 +91,7 @@ def read_d3plot(path: Path, reading: Reading) -> Sequence[SceneMesh]:
         )
     reader = _States([(layout, start) for _, layout, start in states], reading)
     frames = StepFrames(reader.step, reading.notes)
-    times = np.array([time for time, _, _ in states])
+    times = np.array([time for time, _, _ in states], layouts[0].words.float_type)
     return [SceneMesh(path.stem, times, frames.frame, reader.surface, tracks=frames.tracks)]
 
 

@@ -87,7 +87,7 @@ def read_meshes(path: Path, reading: Reading) -> list[SceneMesh]:
 
 def _scene_mesh(mesh: StageMesh, codes: Floats, rate: float, *, has_rate: bool) -> SceneMesh:
     fps = None
-    if interval := even_interval(codes):
+    if not mesh.samples.are_frames and (interval := even_interval(codes)):
         fps = rate / interval
     elif len(codes) == 1 and has_rate and len(mesh.samples.all):
         fps = rate

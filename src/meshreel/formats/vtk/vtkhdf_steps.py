@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Integers
+from meshreel.arrays import Floats, Integers
 from meshreel.errors import FormatError
 from meshreel.formats.frames.field_tracks import Field
 from meshreel.formats.frames.steps import UNSUPPORTED_ARRAYS, DataArray, Step, note_unreadable
@@ -93,7 +93,7 @@ class VtkSteps:
             raise FormatError(f"Points must be float32 or float64; got {self._points.dtype}")
         self._kinds = POLY_DATA_GROUPS if is_poly_data else GRID_GROUPS
         self._n_points = read_integers(self._require(group, "NumberOfPoints"))
-        self.times_s: npt.NDArray[np.float64] = self._read_times()
+        self.times_s: Floats = self._read_times()
         self._first_part = self._per_step("PartOffsets")
         all_parts = len(self._n_points) if self._steps is None else 1
         self._n_parts = self._per_step("NumberOfParts", default=all_parts)
@@ -131,12 +131,11 @@ class VtkSteps:
         """The arrays at points and cells; the notes list those that cannot be read."""
         return [array for group_name in DATA for array in self._stored_arrays(group_name)]
 
-    def _read_times(self) -> npt.NDArray[np.float64]:
+    def _read_times(self) -> Floats:
         if self._steps is None:
             return np.zeros(1)
-        times: npt.NDArray[np.float64] = (
-            read_all(self._require(self._steps, "Values")).ravel().astype(np.float64)
-        )
+        values = read_all(self._require(self._steps, "Values")).ravel()
+        times: Floats = values.astype(np.result_type(values, np.float32), copy=False)
         n_steps: Any = np.ravel(self._steps.attrs.get("NSteps", len(times)))
         if len(times) == 0 or n_steps.tolist() != [len(times)]:
             raise FormatError(f"declares {n_steps.tolist()} steps, but has {len(times)} times")
