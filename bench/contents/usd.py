@@ -21,8 +21,9 @@ STORAGE = re.compile(
     "inbetweens:[^:]*|pointIndices)$"
 )
 """Properties of meshes and what belongs to them that are other items, or tell how to read them."""
-CAGE = re.compile("crease|corner|interpolateBoundary|faceVaryingLinear|triangleSub")
-"""Properties of a subdivision."""
+SETTINGS = re.compile("interpolateBoundary|faceVaryingLinear|triangleSub")
+CAGE = re.compile(f"crease|corner|{SETTINGS.pattern}")
+"""Properties of a subdivision; without one, settings tell nothing."""
 METADATA = ("assetInfo", "customData", "customLayerData")
 """Metadata with contents; other keys tell how values are composed, read or listed."""
 SURFACE = {
@@ -81,11 +82,12 @@ def walk(path: Path) -> Iterator[Item]:
             if subset.GetIndicesAttr().ValueMightBeTimeVarying():
                 yield Item(Sort.VISIBILITY, str(prim_path))
         elif prim_path in carriers or parent in parts:
-            is_flat = prim.IsA(UsdGeom.Mesh) and _scheme(prim) == "none"  # without a cage
+            is_flat = prim.IsA(UsdGeom.Mesh) and _scheme(prim) == "none"
             for prop in _contents(prim):
                 is_structure = STORAGE.match(prop.GetName()) or prop.GetPath() in used
-                if not (is_structure or (is_flat and CAGE.match(prop.GetName()))):
-                    words = ("subdivision",) if CAGE.match(prop.GetName()) else ()
+                if not (is_structure or (is_flat and SETTINGS.match(prop.GetName()))):
+                    is_named = CAGE.match(prop.GetName()) and not is_flat
+                    words = ("subdivision",) if is_named else ()
                     yield Item(Sort.OTHER, prop.GetName().removeprefix("inputs:"), words=words)
         else:
             above = [stage.GetPrimAtPath(each) for each in prim_path.GetPrefixes()[:-1]]

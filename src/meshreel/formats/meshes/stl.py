@@ -79,12 +79,16 @@ def stl_encoder(stream: FrameStream) -> Encode:
     def encode(vertices: Vertices, values: Mapping[str, Values]) -> bytes:
         triangles = np.zeros(len(faces), dtype=TRIANGLE)
         with np.errstate(over="ignore"):
-            triangles["corners"] = vertices[faces]
+            triangles["corners"] = corners = vertices[faces]
         if not np.isfinite(triangles["corners"]).all():
             raise InvalidInputError(
                 "STL stores float32, up to 3.4e38; a position is larger; write .ply instead"
             )
-        triangles["normal"] = _normals(vertices[faces].astype(np.float64))
+        if (triangles["corners"] != corners).any():
+            stream.notes.changed(
+                "positions", "STL stores positions as float32, to which these are rounded"
+            )
+        triangles["normal"] = _normals(corners.astype(np.float64))
         header = b"binary STL".ljust(HEADER_BYTES, b" ")
         return header + len(faces).to_bytes(4, "little") + triangles.tobytes()
 

@@ -344,6 +344,8 @@ class StageMesh:
             )
             if self.prim.GetAttribute("subdivisionScheme").Get() != "none":
                 self.contents.notes.left_out(CAGES, [self.path])
+                names = map(str, self.prim.GetAuthoredPropertyNames())  # what a subdivision uses
+                self.contents.add(self.prim, *filter(re.compile("crease|corner").match, names))
             if not isinstance(faces, slice):
                 holes = f"{np.count_nonzero(~faces)} of {len(faces)} of {self.path}"
                 self.contents.notes.left_out("faces that are holes", [holes])

@@ -19,7 +19,7 @@ BOOKKEEPING = {
     "proxyPrim": "which mesh a hidden one replaces",
     "subsetFamily:": "whether face subsets overlap",
     "primvars:.*:indices$": "read with their primvar",
-    "crease|corner|interpolateBoundary|triangleSub|faceVaryingLinear": "part of a subdivision",
+    "interpolateBoundary|triangleSub|faceVaryingLinear": "settings of a subdivision",
 }
 """Patterns of properties without content of their own, and why."""
 
@@ -38,6 +38,7 @@ SUBJECTS = {
     "(primvars:|.*:)?(normals|normalOffsets)$": NORMALS,
     "primvars:(tangents|bitangents|binormals)$": "tangents, which programs compute",
     "velocities|accelerations": UNCHANGING,
+    "crease|corner": "creases of meshes that are not subdivided",
     "primvars:": MISFITS,
     "inputs:": "inputs of materials",
     "": "other properties",
