@@ -14,7 +14,7 @@ from meshreel.arrays import Floats
 from meshreel.model.materials import Material
 from meshreel.model.sequence import FrameSource, MeshSequence
 from meshreel.model.surface import Kind
-from meshreel.model.tracks import TrackKind
+from meshreel.model.tracks import TrackKind, is_color
 
 TOLERANCE = 1e-5
 """Allowed difference of ranges, relative to the largest value: single precision, after sums."""
@@ -189,8 +189,9 @@ def _items_of(segment: FrameSource) -> Iterator[Item]:
         yield Item(Sort.FACES, "cells", surface.cells.n_cells)
     for name, track in segment.tracks.items():
         values = np.stack([track.read(frame, frame + 1) for frame in range(segment.n_frames)])
-        values = _colors(values) if track.kind is TrackKind.COLOR else values
-        yield from valued(name, values, track.kind.value, track.unit)
+        is_plain = track.kind is TrackKind.COLOR and not is_color(track.kind, track.dtype)
+        values = _colors(values) if is_color(track.kind, track.dtype) else values
+        yield from valued(name, values, "" if is_plain else track.kind.value, track.unit)
     for attribute in surface.attributes:
         values = attribute.per_item()
         values = _colors(values) if attribute.kind is Kind.COLOR else values

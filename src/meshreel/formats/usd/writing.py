@@ -41,7 +41,7 @@ from meshreel.model.colors import to_linear
 from meshreel.model.geometry.hard_edges import RowNormals
 from meshreel.model.notes import Notes, note_track_type, written_rate
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
-from meshreel.model.tracks import TrackKind, TrackSource
+from meshreel.model.tracks import TrackKind, TrackSource, is_color
 from meshreel.runtime.extras import USD
 
 UNSAVED_BYTES = 1 << 25
@@ -405,8 +405,9 @@ class MeshWriter:
         The first vertex velocities and normals become those of the mesh; the first colors are
         called ``displayColor`` and the first UVs ``st``, unless attributes have these names.
         """
-        standard_name, _ = NAMES_AND_TYPES.get(track.kind, ("", ""))
-        has_colors = track.kind is TrackKind.COLOR
+        has_colors = is_color(track.kind, track.dtype)
+        is_number = track.kind is TrackKind.COLOR and not has_colors  # of an unknown range
+        standard_name, _ = ("", "") if is_number else NAMES_AND_TYPES.get(track.kind, ("", ""))
         is_possible = standard_name != VELOCITIES or track.domain is Domain.VERTEX
         has_opacity = standard_name == COLOR and OPACITY in used
         if standard_name and is_possible and standard_name not in used and not has_opacity:
@@ -492,7 +493,7 @@ def _type_name(kind: Kind | TrackKind, name: str, dtype: np.dtype[Any], n_column
     """Return USD's name of the type of the values of an attribute or a track."""
     standard_name, role = NAMES_AND_TYPES.get(kind, ("", ""))
     type_name = f"{role}{n_columns}"
-    if type_name in TYPES and (dtype.kind == "f" or kind == TrackKind.COLOR):
+    if type_name in TYPES and (dtype.kind == "f" or is_color(kind, dtype)):
         is_single = dtype != np.float64 or (name == standard_name and name != UVS)
         return f"{type_name}{'f' if is_single else 'd'}"
     is_opacity = kind == TrackKind.COLOR and name == OPACITY and n_columns == 1
