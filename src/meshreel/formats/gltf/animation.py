@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -87,6 +87,8 @@ class Clip:
     """Curves of the channels that move a mesh."""
     others: tuple[str, ...]
     """Properties that other channels animate."""
+    malformed: tuple[str, ...]
+    """Errors of the channels that are left out."""
 
     @property
     def is_curved(self) -> bool:
@@ -213,61 +215,70 @@ class Clips:
         )
 
     def _read(self, number: int) -> Clip:
-        """Return the keys and values of an animation; the last curve of several for a property."""
+        """Return the keys and values of an animation; the last curve of several for a property.
+
+        Malformed channels are left out; if no curve remains beside them, the first error is raised.
+        """
         animation, document = self._animations[number], self._document
         animation.text("name", "")
-        channels = _read_channels(animation)
-        inputs = {
-            channel.input: channel.sampler for channel in channels if channel.node is not None
-        }
-        keys = {
-            name: document.read_floats(sampler, "input", "SCALAR")[:, 0]
-            for name, sampler in inputs.items()
-        }
-        for name, sampler in inputs.items():
-            if (np.diff(keys[name]) < 0).any():
-                raise FormatError(f"{sampler.place}: key times must be ascending")
-        keys_s = np.unique(np.concatenate([*keys.values()])) if keys else np.empty(0)
-        moving, others = list[Channel](), list[str]()
-        for channel in channels:
-            if channel.node < 0:
-                others.append(channel.path)
-            elif channel.node in self._moving[channel.path]:
-                moving.append(channel)
-            else:
-                others.append(f"{channel.path} of {document.lists['nodes'][channel.node].label()}")
-        values = [
-            document.read_floats(channel.sampler, "output", PATHS[channel.path][0])
-            for channel in moving
-        ]
-        curves = {
-            (channel.node, channel.path): _curve(channel, keys[channel.input], numbers, document)
-            for channel, numbers in zip(moving, values, strict=True)
-        }
-        return Clip(keys_s, curves, tuple(others))
+        samplers = animation.children("samplers", "sampler")
+        inputs, used_keys = dict[str, Floats | FormatError](), dict[str, Floats]()
+        curves, errors = dict[tuple[int, str], Curve](), list[FormatError]()
+        others, malformed = list[str](), list[str]()
+        for each in animation.children("channels", "channel"):
+            try:
+                channel = _read_channel(each, samplers)
+                node, path, sampler = channel.node, channel.path, channel.sampler
+                if channel.input not in inputs:
+                    inputs[channel.input] = _read_keys(sampler, document)
+                if isinstance(keys_s := inputs[channel.input], FormatError):
+                    raise keys_s
+                if node >= 0 and node in self._moving[path]:
+                    values = document.read_floats(sampler, "output", PATHS[path][0])
+                    curves[node, path] = _curve(channel, keys_s, values, document)
+                elif node >= 0:
+                    others.append(f"{path} of {document.lists['nodes'][node].label()}")
+                else:
+                    others.append(path)
+                used_keys[channel.input] = keys_s
+            except FormatError as error:
+                errors.append(error)
+                place = "" if each.place in str(error) else f"{each.place}, "
+                malformed.append(f"{place}{error}")
+        if errors and not curves:
+            raise errors[0]
+        all_keys_s = np.unique(np.concatenate([*used_keys.values()])) if used_keys else np.empty(0)
+        return Clip(all_keys_s, curves, tuple(others), tuple(malformed))
 
 
-def _read_channels(animation: JsonObject) -> list[Channel]:
-    """Return the channels of an animation; extensions define targets other than nodes."""
-    samplers = animation.children("samplers", "sampler")
-    channels = []
-    for channel in animation.children("channels", "channel"):
-        target = channel.required_child("target")
-        path, node = target.text("path"), target.index("node", "nodes")
-        if path == "pointer":
-            extension = target.extension(POINTER)
-            pointer = "" if extension is None else extension.text("pointer", "")
-            match, n_nodes = POINTERS.fullmatch(pointer), len(target.lists["nodes"])
-            node, path = (int(match[1]), match[2] or match[3]) if match else (None, pointer)
-            if node is not None and node >= n_nodes:
-                raise target.error("extensions", f"a pointer to one of {n_nodes} nodes")
-        number = channel.index("sampler", len(samplers))
-        if number is None:
-            raise channel.error("sampler", "the index of a sampler")
-        interpolation = samplers[number].text("interpolation", LINEAR)
-        node = -1 if node is None or path not in PATHS else node
-        channels.append(Channel(node, path, samplers[number], interpolation, channel.place))
-    return channels
+def _read_keys(sampler: JsonObject, document: Document) -> Floats | FormatError:
+    """Return the key times of a sampler, or the error in them."""
+    try:
+        keys_s = document.read_floats(sampler, "input", "SCALAR")[:, 0]
+    except FormatError as error:
+        return error
+    if (np.diff(keys_s) < 0).any():
+        return FormatError(f"{sampler.place}: key times must be ascending")
+    return keys_s
+
+
+def _read_channel(channel: JsonObject, samplers: Sequence[JsonObject]) -> Channel:
+    """Return a channel of an animation; extensions define targets other than nodes."""
+    target = channel.required_child("target")
+    path, node = target.text("path"), target.index("node", "nodes")
+    if path == "pointer":
+        extension = target.extension(POINTER)
+        pointer = "" if extension is None else extension.text("pointer", "")
+        match, n_nodes = POINTERS.fullmatch(pointer), len(target.lists["nodes"])
+        node, path = (int(match[1]), match[2] or match[3]) if match else (None, pointer)
+        if node is not None and node >= n_nodes:
+            raise target.error("extensions", f"a pointer to one of {n_nodes} nodes")
+    number = channel.index("sampler", len(samplers))
+    if number is None:
+        raise channel.error("sampler", "the index of a sampler")
+    interpolation = samplers[number].text("interpolation", LINEAR)
+    node = -1 if node is None or path not in PATHS else node
+    return Channel(node, path, samplers[number], interpolation, channel.place)
 
 
 def _curve(channel: Channel, keys_s: Floats, values: Floats, document: Document) -> Curve:

@@ -156,6 +156,7 @@ def _note_left_out(
     notes.left_out("joints and weights without a skin", labels)
     if clip is not None:
         notes.left_out("animated properties", clip.others)
+        notes.left_out("malformed channels", clip.malformed)
     note_other_items(document, nodes, shown, notes)
 
 

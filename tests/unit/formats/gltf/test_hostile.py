@@ -199,6 +199,32 @@ def test_load_leaves_out_malformed_animations_and_says_why(tmp_path, file, messa
         load(path, animation=0)
 
 
+@pytest.mark.parametrize(
+    ("channel", "sampler", "message"),
+    [
+        ({}, {}, "channel 1, animation 0, sampler 1: has 3 numbers for 3 keys; expected 0"),
+        ({}, {"input": 99}, "channel 1, animation 0, sampler 1: 'input' must be below"),
+        ({}, {"interpolation": "SMOOTH"}, "must be one of LINEAR"),
+        ({"sampler": 2}, {}, "channel 1: 'sampler' must be below 2"),
+        ({"target": {"path": "scale", "node": 7}}, {}, "target: 'node' must be below 1"),
+        ({"target": 0}, {}, "channel 1: 'target' must be an object"),
+    ],
+)
+def test_load_leaves_out_malformed_channels_and_keeps_others(
+    tmp_path, channel, sampler, message, notes
+):
+    file = animated()
+    file.animate(0, "weights", [0, 0.5, 3], [1, 0, 1])  # keys beyond those of the other channel
+    animation = file.json["animations"][0]
+    animation["samplers"][1] |= sampler
+    animation["channels"][1] |= channel
+    loaded = load(file.save(tmp_path / "a.glb"), notes=notes)
+    np.testing.assert_allclose(loaded.vertices[:, 0, 0] - loaded.vertices[0, 0, 0], [0, 1])
+    assert re.match("left out: malformed channels: animation 0, ", notes[0])
+    assert re.search(message, notes[0])
+    assert load(tmp_path / "a.glb", animation=0).n_frames == 2
+
+
 def test_load_leaves_out_an_animation_of_a_node_with_a_matrix(tmp_path, notes):
     file = animated()
     file.json["nodes"][0]["matrix"] = np.eye(4).ravel().tolist()
