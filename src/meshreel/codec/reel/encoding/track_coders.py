@@ -453,7 +453,9 @@ def check_values(name: str, values: Values, header: TrackHeader) -> None:
         frame, item, column = np.argwhere(is_infinite)[0]
         raise InvalidInputError(
             f"track {name!r} has {values[frame, item, column]} at {header.domain} {item}, which no "
-            "error bound allows; use exact"
+            "error bound allows; keep the track exact with ",
+            Keyword("tracks"),
+            f" {name}=exact",
         )
     if not KIND_ROWS[header.kind].is_direction:
         return
