@@ -1,5 +1,6 @@
 """The core and the plain reader decode the stored streams to their descriptions."""
 
+from contextlib import suppress
 from io import BytesIO
 
 import pytest
@@ -85,10 +86,9 @@ def test_every_reader_refuses_a_stream_that_breaks_a_rule(path):
 
 @pytest.mark.parametrize("path", REFUSED_FILES, ids=lambda path: path.stem)
 def test_info_refuses_streams_with_a_broken_header_or_leading_section(path):
-    of_blocks = "rests", "rounding", "grid", "relation"
-    if path.stem.startswith(of_blocks):  # info does not decode blocks
-        return
-    with pytest.raises(CorruptStreamError):
+    of_blocks = "rests", "rounding", "grid", "relation"  # info does not decode blocks
+    is_of_blocks = path.stem.startswith(of_blocks)
+    with suppress(CorruptStreamError) if is_of_blocks else pytest.raises(CorruptStreamError):
         meshreel.info(path.read_bytes())
 
 

@@ -2,7 +2,9 @@
 
 import struct
 import zlib
+from contextlib import nullcontext, suppress
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +18,7 @@ from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
 from meshreel.codec.reel.normative.blocks import write_layout
+from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import CorruptStreamError, MeshReelError, TruncatedStreamError
 from meshreel.formats.reel import open as open_reel
 from samples.costs import draws
@@ -93,11 +96,9 @@ def test_hostile_payloads_with_valid_checksums_raise_our_errors_or_decode(name):
         parts = [(section, bytearray(payload)) for section, payload in parts_of(stream)]
         _mutate(parts[rng.integers(len(parts))][1], rng)
         data = raw_stream(stream.header, [(section, bytes(part)) for section, part in parts])
-        try:
-            decoded = decode(data, memory=MEMORY)
-        except MeshReelError:
-            continue
-        assert decoded.n_verts == stream.header.n_verts
+        described, decoded = read_hostile(data)
+        for read in (described, decoded):
+            assert read is None or read.n_verts == stream.header.n_verts
 
 
 @pytest.mark.parametrize("name", STREAMS)
@@ -107,11 +108,34 @@ def test_hostile_headers_with_valid_checksums_raise_our_errors_or_decode(name):
     for _ in range(draws(400)):
         header = bytearray(STREAMS[name][: size - 4])
         _mutate(header, rng, keep_length=True)
-        data = bytes(header) + struct.pack("<I", zlib.crc32(header)) + STREAMS[name][size:]
-        try:
-            decode(data, memory=MEMORY)
-        except MeshReelError:
-            continue
+        read_hostile(bytes(header) + struct.pack("<I", zlib.crc32(header)) + STREAMS[name][size:])
+
+
+def read_hostile(data):
+    """Describe and decode a stream, each None if it is refused; other errors are not caught."""
+    described = decoded = None
+    with suppress(MeshReelError), ReelFile(BytesIO(data), memory=MEMORY) as reel:
+        described = reel.info()
+    with suppress(MeshReelError):
+        decoded = decode(data, memory=MEMORY)
+    return described, decoded
+
+
+@pytest.mark.parametrize(
+    "name", ["key_blocks", "missing_values", "lossless_in_blocks", "paper_blocks"]
+)
+@pytest.mark.parametrize("beginning", [Section.BLOCK, Section.TRACK_BLOCK])
+def test_a_second_beginning_of_an_indexed_group_is_refused(name, beginning):
+    data = stored(name)
+    stream = Stream(data)
+    for section in stream.file.sections(stream.groups[0][0][0], stream.groups[-1][-1][1]):
+        changed = bytearray(data)
+        changed[section.offset] = beginning
+        end = section.offset + section.size_bytes
+        changed[end - 4 : end] = struct.pack("<I", zlib.crc32(changed[section.offset : end - 4]))
+        for read in (info, decode):
+            with pytest.raises(MeshReelError) if changed != data else nullcontext():
+                read(bytes(changed))
 
 
 def _mutate(payload, rng, *, keep_length=False):

@@ -395,8 +395,12 @@ def stream_info(
         If a section is damaged.
     """
     file = opened.file
+    # Raises if a section is in the wrong group, on which `_sizes` relies.
+    groups = [
+        [file.group(number, track, is_checked=False) for number in range(opened.n_blocks)]
+        for track in range(1 + len(opened.tracks))
+    ]
     sizes = _sizes(file, is_checked=not is_remote)
-    groups = (file.group(number, is_checked=False) for number in range(opened.n_blocks))
     surfaces = {} if surfaces is None else surfaces
     if opened.mesh_key not in surfaces:
         surfaces[opened.mesh_key] = _surface_properties(opened)
@@ -416,7 +420,7 @@ def stream_info(
         laplacian=opened.laplacian.name.lower(),
         order=opened.order_kept.name.lower(),
         vertex_type=str(opened.dtype),
-        n_modes=tuple(group.n_modes for group in groups),
+        n_modes=tuple(group.n_modes for group in groups[0]),
         block_frames=tuple(block.n_frames for block in file.blocks),
         size_bytes=opened.size_bytes,
         budget_bytes=_budget(sizes, opened.size_bytes),
