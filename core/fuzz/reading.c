@@ -75,7 +75,7 @@ typedef struct {
 } reading;
 
 typedef struct {
-    enum { OPEN, SEGMENT, MESH, SURFACE, BEGIN, LOAD, DECODE, NORMALS } action;
+    enum { OPEN, SEGMENT, CHECK, MESH, SURFACE, BEGIN, LOAD, DECODE, NORMALS } action;
     uint32_t track, first, count, n_modes;
     const meshreel_layout *layout;
     void *values;
@@ -88,6 +88,8 @@ static int run_step(reading *r, const step *s, meshreel_error *error) {
         return meshreel_open(&r->source, &r->host, &r->file, error);
     case SEGMENT:
         return meshreel_open_segment(r->whole, s->first, &r->file, error);
+    case CHECK:
+        return meshreel_check(r->file, 0, meshreel_info_of(r->file)->n_frames, s->n_modes, error);
     case MESH:
         return meshreel_read_mesh(r->file, error);
     case SURFACE:
@@ -344,6 +346,9 @@ static void read_both(reading *reliable, reading *hostile) {
         }
     }
     check_layout(reliable);
+    step check = {.action = CHECK, .n_modes = (uint32_t)fuzz_below(20)};
+    retry_step(reliable, &check); /* a lower limit verifies checksums, so that codes may differ */
+    retry_step(hostile, &check);
     if (run_same(reliable, hostile, &(step){.action = MESH})) {
         return;
     }

@@ -426,6 +426,12 @@ typedef struct meshreel_track {
 MESHREEL_API int meshreel_track_of(const meshreel_file *file, uint32_t number,
                                    meshreel_track *track);
 
+/* Fail with MESHREEL_LIMIT if the mesh, or all tracks of a block with one of the frames
+   first..first+count-1, announce more than the memory limit allows. Reads only the headers of
+   groups. Without it, decoding may fail after much work. `n_modes` as for `meshreel_load`. */
+MESHREEL_API int meshreel_check(const meshreel_file *file, uint32_t first, uint32_t count,
+                                uint32_t n_modes, meshreel_error *error);
+
 /* Create a decoder for a file after `meshreel_read_mesh`. */
 MESHREEL_API int meshreel_begin(const meshreel_file *file, meshreel_decoder **decoder,
                                 meshreel_error *error);

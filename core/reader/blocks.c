@@ -534,16 +534,18 @@ int reel_pack_fields(reel_call *call, reel_track_state *state) {
     return MESHREEL_OK;
 }
 
+/* Number of modes to decode of a group, of which `n_moving` move in a preview. */
+static uint64_t count_modes(const reel_group *group, uint64_t n_moving) {
+    uint64_t n_read = n_moving > MIN_PREVIEW_MODES ? n_moving : MIN_PREVIEW_MODES;
+    return n_moving && !group->reference && n_read < group->n_modes ? n_read : group->n_modes;
+}
+
 static int load_modes(reel_call *call, meshreel_decoder *decoder, uint32_t track, uint64_t block,
                       uint64_t n_moving) {
     reel_track_state *state = &decoder->tracks[track];
     const reel_group *group = &state->current.group;
-    uint64_t n_modes = group->n_modes,
-             n_read = n_moving > MIN_PREVIEW_MODES ? n_moving : MIN_PREVIEW_MODES;
+    uint64_t n_modes = count_modes(group, n_moving);
     uint32_t n_columns = decoder->file->tracks[track].n_coded;
-    if (n_moving && !group->reference && n_read < n_modes) {
-        n_modes = n_read;
-    }
     REEL_TRY(find_mesh(call, decoder, state, group));
     if (group->reference) {
         REEL_TRY(find_key(call, decoder, track, block, group));
@@ -666,6 +668,38 @@ static int load_missing(reel_call *call, meshreel_decoder *decoder, uint32_t tra
 }
 
 /* ---- a block ---- */
+
+int reel_reserve_group(reel_call *call, const meshreel_file *file, uint32_t number,
+                       const reel_group *group, uint64_t n_moving) {
+    const reel_track *track = &file->tracks[number];
+    uint64_t n_verts = file->outline.n_verts, n_columns = track->n_coded;
+    uint64_t n_items = track->sharing ? n_verts : track->info.n_items; /* rows: at least */
+    uint64_t n_frames = group->is_still ? 1 : group->n_frames, n_values = n_items * n_frames;
+    uint64_t n_modes = count_modes(group, n_moving), kept, scratch;
+    if (n_modes) {
+        REEL_TRY(reel_reserve(call, n_items, n_modes * sizeof(double)));
+        REEL_TRY(reel_reserve(call, n_columns * n_frames, n_modes * sizeof(double)));
+        uint64_t n_corrections = n_moving ? 0 : group->n_corrections; /* more than values: damage */
+        REEL_TRY(reel_reserve(call, n_corrections < n_values ? n_corrections : n_values,
+                              sizeof(int32_t) + n_columns * sizeof(double)));
+        kept = call->n_bytes;
+        uint64_t n_times = n_columns * n_frames; /* each with its neighbors and a start */
+        scratch = n_items * (n_modes - group->n_reused) +
+                  n_times * (n_modes + REEL_MAX_NEAR_TIMES + 3);
+        scratch *= sizeof(int32_t);
+    } else {
+        uint32_t size = group->grid > 0.0 ? sizeof(int32_t) : track->size;
+        REEL_TRY(reel_reserve(call, n_values, n_columns * size));
+        kept = call->n_bytes;
+        scratch = group->is_on_surface
+                      ? reel_surface_integers_memory((int64_t)n_frames, (int64_t)n_verts, N_AXES,
+                                                     (int64_t)file->outline.n_faces, 0)
+                      : reel_exact_memory((int64_t)n_frames, (int64_t)n_items, (int64_t)n_columns);
+    }
+    REEL_TRY(reel_reserve(call, scratch, 1));
+    call->n_bytes = kept;
+    return reel_reserve(call, group->missing.offset ? n_values : 0, track->info.n_columns);
+}
 
 uint64_t reel_decoder_bytes(const meshreel_decoder *decoder) {
     uint64_t n_bytes = decoder->pool.n_bytes;

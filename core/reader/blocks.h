@@ -62,6 +62,11 @@ uint64_t reel_decoder_bytes(const meshreel_decoder *decoder);
 int reel_load(reel_call *call, meshreel_decoder *decoder, uint32_t track, uint64_t block,
               uint64_t n_moving);
 
+/* Reserve what a track of a block takes at least while it is loaded, as its group announces. Fails
+   if loading it would take more than the limit. */
+int reel_reserve_group(reel_call *call, const meshreel_file *file, uint32_t number,
+                       const reel_group *group, uint64_t n_moving);
+
 /* Release the current block of a track. */
 void reel_forget(reel_call *call, meshreel_decoder *decoder, uint32_t track);
 

@@ -58,7 +58,7 @@ int reel_fail_core(reel_call *call, int64_t result, uint64_t payload, const char
                      payload + place, message);
 }
 
-void *reel_pool_allocate(reel_call *call, reel_pool *pool, uint64_t count, uint64_t item) {
+int reel_reserve(reel_call *call, uint64_t count, uint64_t item) {
     uint64_t limit = call->host->memory_limit ? call->host->memory_limit : DEFAULT_LIMIT;
     limit = limit < SIZE_MAX / 2 ? limit : SIZE_MAX / 2;
     bool fits = !item || count <= (UINT64_MAX >> 8) / item;
@@ -71,18 +71,28 @@ void *reel_pool_allocate(reel_call *call, reel_pool *pool, uint64_t count, uint6
         reel_fail(call, MESHREEL_LIMIT, REEL_UNKNOWN,
                   "decoding needs more memory than the limit allows");
         call->error.size = call->n_bytes + size;
+        return call->error.code;
+    }
+    call->n_bytes += size;
+    return MESHREEL_OK;
+}
+
+void *reel_pool_allocate(reel_call *call, reel_pool *pool, uint64_t count, uint64_t item) {
+    uint64_t before = call->n_bytes;
+    if (reel_reserve(call, count, item)) {
         return NULL;
     }
+    uint64_t size = call->n_bytes - before;
     reel_chunk *chunk = call->host->allocate(call->host->user, (size_t)size);
     if (!chunk) {
         reel_fail(call, MESHREEL_NO_MEMORY, REEL_UNKNOWN, "the host failed to allocate memory");
-        call->error.size = call->n_bytes + size;
+        call->error.size = call->n_bytes;
+        call->n_bytes = before;
         return NULL;
     }
     *chunk = (reel_chunk){pool->last, size};
     pool->last = chunk;
     pool->n_bytes += size;
-    call->n_bytes += size;
     return (uint8_t *)chunk + REEL_ALIGNMENT;
 }
 

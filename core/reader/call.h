@@ -83,6 +83,10 @@ int reel_fail_core(reel_call *call, int64_t result, uint64_t payload, const char
 /* Return the failure that an allocation recorded, if `is_allocated` is false. */
 #define REEL_NEED(is_allocated) REEL_RETURN_IF(!(is_allocated), call->error.code)
 
+/* Count `count` items of `item` bytes as held, without allocating them; fails if they exceed the
+   limit. */
+int reel_reserve(reel_call *call, uint64_t count, uint64_t item);
+
 /* Allocate `count` items of `item` bytes, aligned to 64 bytes. Returns NULL after recording a
    failure; 0 items are not NULL. */
 void *reel_pool_allocate(reel_call *call, reel_pool *pool, uint64_t count, uint64_t item);

@@ -124,6 +124,48 @@ int meshreel_modes_of(meshreel_decoder *decoder, uint32_t track, uint32_t block,
     return reel_end_call(&call, failed, error);
 }
 
+/* Reserve what the tracks of a block announce; a damaged block fails as loading it does. */
+static int reserve_block(reel_call *call, const meshreel_file *file, uint32_t block,
+                         uint32_t n_modes) {
+    for (uint32_t i = 0; i < file->info.n_tracks; i++) {
+        const reel_track *track = &file->tracks[i];
+        reel_group group;
+        int failed = reel_read_group(call, &file->outline, track, i, block, false, &group);
+        failed = failed ? failed : reel_reserve_group(call, file, i, &group, i ? 0 : n_modes);
+        if (failed) {
+            meshreel_error limit = call->error;
+            REEL_TRY(reel_read_group(call, &file->outline, track, i, block, true, &group));
+            call->error = limit;
+            return failed;
+        }
+    }
+    return MESHREEL_OK;
+}
+
+int meshreel_check(const meshreel_file *file, uint32_t first, uint32_t count, uint32_t n_modes,
+                   meshreel_error *error) {
+    REEL_INVALID_IF(!file, "a pointer is NULL");
+    const meshreel_info *info = &file->info;
+    REEL_INVALID_IF(first > info->n_frames || count > info->n_frames - first,
+                    "the frames do not exist");
+    if (info->n_segments > 1) {
+        return reel_refuse_several(error);
+    }
+    int64_t stencil;
+    reel_call call = reel_begin_file_call(file, file->pool.n_bytes);
+    bool is_of_paper = reel_is_of_paper(file);
+    int failed = is_of_paper || file->has_mesh ? MESHREEL_OK
+                                               : reel_check_mesh(&call, file, &stencil);
+    uint64_t own, previous = call.n_bytes = 0, end = is_of_paper ? 0 : (uint64_t)first + count;
+    for (uint32_t i = meshreel_block_of_frame(file, first);
+         !failed && i < info->n_blocks && file->outline.blocks[i].first < end; i++) {
+        failed = reserve_block(&call, file, i, n_modes);
+        own = call.n_bytes - previous; /* a decoder keeps the previous block */
+        previous = call.n_bytes = own;
+    }
+    return reel_end_call(&call, failed, error);
+}
+
 /* ---- layouts ---- */
 
 typedef struct {

@@ -13,6 +13,14 @@ struct reel_hierarchy_job {
     int64_t result;
 };
 
+int reel_reserve_hierarchy(reel_call *call, uint64_t n_items, int64_t stencil_size) {
+    uint64_t smooth_bytes = REEL_SMOOTH_ROWS * REEL_SMOOTH_FIELDS * sizeof(float);
+    uint64_t order_bytes = (3 + REEL_CONTEXT_NEIGHBORS) * sizeof(int32_t) + sizeof(int64_t);
+    uint64_t stencil_bytes = (uint64_t)stencil_size * (sizeof(int32_t) + 1);
+    REEL_TRY(reel_reserve(call, n_items, smooth_bytes + order_bytes + stencil_bytes));
+    return reel_reserve(call, reel_hierarchy_memory((int64_t)n_items, 0, true), 1);
+}
+
 int reel_prepare_hierarchy(reel_call *call, reel_pool *pool, const reel_graph *graph,
                            int64_t stencil_size, bool has_smooth, reel_hierarchy_job **result) {
     uint64_t n = graph->n_items;

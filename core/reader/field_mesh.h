@@ -25,6 +25,9 @@ typedef struct {
 typedef struct reel_hierarchy_job reel_hierarchy_job;
 int reel_prepare_hierarchy(reel_call *call, reel_pool *pool, const reel_graph *graph,
                            int64_t stencil_size, bool has_smooth, reel_hierarchy_job **job);
+
+/* Reserve what the computation takes at least, if it has smooth fields. */
+int reel_reserve_hierarchy(reel_call *call, uint64_t n_items, int64_t stencil_size);
 void reel_find_hierarchy(reel_hierarchy_job *job);
 int reel_finish_hierarchy(reel_call *call, const reel_hierarchy_job *job,
                           const reel_field_mesh **result);

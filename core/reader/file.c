@@ -355,11 +355,28 @@ static void run_mesh_job(void *shared, uint32_t i) {
     }
 }
 
+int reel_check_mesh(reel_call *call, const meshreel_file *file, int64_t *stencil) {
+    const reel_outline *outline = &file->outline;
+    uint64_t n_verts = outline->n_verts, n_faces = outline->n_faces, before = call->n_bytes;
+    uint64_t n_nodes = outline->n_cell_nodes, n_near = n_nodes ? 4 * n_nodes : 6 * n_faces;
+    bool has_graph = outline->max_block_frames > 1 || outline->n_tracks > 1;
+    REEL_TRY(first_stencil(call, file, stencil));
+    /* Faces and vertices in internal and in output order, cells in both, and the graph. */
+    REEL_TRY(reel_reserve(call, 6 * n_faces + 2 * n_verts + 2 * n_nodes, sizeof(int32_t)));
+    REEL_TRY(reel_reserve(call, has_graph ? n_verts + n_near : 0, sizeof(int32_t)));
+    if (*stencil) {
+        REEL_TRY(reel_reserve_hierarchy(call, n_verts, *stencil));
+    }
+    call->n_bytes = before;
+    return MESHREEL_OK;
+}
+
 static int read_mesh(reel_call *call, meshreel_file *file, reel_pool *pool) {
     const reel_outline *outline = &file->outline;
     reel_mesh_data *mesh = &file->mesh;
     mesh_jobs jobs = {NULL, NULL};
-    int64_t stencil = 0;
+    int64_t stencil;
+    REEL_TRY(reel_check_mesh(call, file, &stencil));
     REEL_TRY(outline->edit.length
                  ? reel_read_edited_mesh(call, pool, outline, mesh)
              : reel_has_cells(outline) ? reel_decode_cells(call, pool, outline, mesh)
@@ -373,7 +390,6 @@ static int read_mesh(reel_call *call, meshreel_file *file, reel_pool *pool) {
     } else if (!outline->edit.length) {
         REEL_TRY(reel_prepare_order(call, pool, outline, mesh, &jobs.order));
     }
-    REEL_TRY(first_stencil(call, file, &stencil));
     if (stencil) {
         REEL_TRY(reel_prepare_hierarchy(call, pool, &mesh->graph, stencil, true, &jobs.hierarchy));
     }

@@ -33,6 +33,10 @@ REEL_INLINE bool reel_is_of_paper(const meshreel_file *file) {
 /* Begin a call on an open file, whose object holds `n_bytes` bytes. */
 reel_call reel_begin_file_call(const meshreel_file *file, uint64_t n_bytes);
 
+/* Check what the counts of the header announce for the mesh against the limit, before work; finds
+   the stencil size of the first block, or 0. */
+int reel_check_mesh(reel_call *call, const meshreel_file *file, int64_t *stencil);
+
 /* Fail a call that needs a single segment, for a file of several. */
 int reel_refuse_several(meshreel_error *error);
 

@@ -459,6 +459,8 @@ def test_memory_limit_holds_and_refusals_state_the_required_size(name):
         limit = refused.size
     assert everything_of(data, Host(limit=limit)) == wanted
     assert limit <= host.largest
+    with File(data, Host(limit=limit), mesh=False) as file:
+        file.check()
 
 
 def test_order_of_blocks_does_not_affect_memory():

@@ -28,6 +28,7 @@ from meshreel.errors import (
     TruncatedStreamError,
     UnsupportedVersionError,
 )
+from meshreel.kernel.files import OpenFile
 from samples.c_reader import Code, File, Host, by_calls, refusal
 from samples.costs import draws
 
@@ -260,7 +261,7 @@ def test_references_to_many_sections_are_read():
 
 
 @pytest.mark.slow
-def test_shared_meshes_count_once_against_the_memory_limit():
+def test_shared_meshes_count_once_against_the_memory_limit(monkeypatch):
     frames = [moving(grid(20, 20), 1, seed=number) for number in range(10)]
     data = join_streams(20 * [meshreel.encode(frame, lossless=True) for frame in frames])
     mesh, positions = frames[0].faces.nbytes, frames[0].vertices.nbytes
@@ -269,6 +270,9 @@ def test_shared_meshes_count_once_against_the_memory_limit():
     assert len(meshreel.decode(data, memory=needed).segments) == 200
     with pytest.raises(MemoryLimitError, match="200 segments"):
         meshreel.decode(data, memory=needed - 1)
+    monkeypatch.setattr(OpenFile, "segment", lambda *_: pytest.fail("a segment is opened"))
+    with pytest.raises(MemoryLimitError, match="200 segments"):
+        meshreel.decode(data, memory=200 * positions - 1)
 
 
 @pytest.mark.slow

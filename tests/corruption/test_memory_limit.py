@@ -16,6 +16,7 @@ from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import CorruptStreamError, InvalidInputError, MemoryLimitError, MeshReelError
+from meshreel.kernel.files import OpenFile
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import Track
 from samples.c_reader import Code, Decoder, File, Host, RefusalError
@@ -153,6 +154,36 @@ def refusal_of(data, host=None):
     except RefusalError as refused:
         return refused.code
     return Code.OK
+
+
+def test_a_hierarchy_beyond_the_limit_is_refused_before_the_mesh_is_decoded():
+    host = Host()
+    assert refusal_of(with_counts(REEL, 4, n_verts=2**22), host) == Code.LIMIT
+    assert host.largest < 1e5
+
+
+LONG = waving_grid(40, 20, 20)
+SCALARS = {
+    f"track {i}": Track(np.full((40, 400, 1), i, np.float32), "vertex", "scalar") for i in range(9)
+}
+SUMS = {
+    "tracks": (encode(LONG.replace(tracks=SCALARS), lossless=True), 900_000),
+    "blocks": (encode(LONG, lossless=True, block_frames=20), 500_000),
+}
+
+
+@pytest.mark.parametrize("name", SUMS)
+def test_parts_that_fit_one_by_one_are_refused_together_before_any_is_decoded(name, monkeypatch):
+    data, limit = SUMS[name]
+    with File(data, Host(limit=limit)) as file:
+        for track, block in np.ndindex(file.info.n_tracks, file.info.n_blocks):
+            with Decoder(file) as decoder:
+                decoder.load(track, block)
+    monkeypatch.setattr(OpenFile, "read_mesh", lambda _: pytest.fail("the mesh is decoded"))
+    with pytest.raises(MemoryLimitError, match="decoding would take"):
+        decode(data, memory=limit)
+    with ReelFile(BytesIO(data), memory=limit) as reel, pytest.raises(MemoryLimitError):
+        reel[:]
 
 
 @pytest.mark.slow

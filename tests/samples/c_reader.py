@@ -276,6 +276,10 @@ class File:
     def read_mesh(self):
         call("read_mesh", self.handle)
 
+    def check(self):
+        """Check the announced sizes of the mesh and of all blocks."""
+        call("check", self.handle, c_uint32(0), c_uint32(self.info.n_frames), c_uint32(0))
+
     @property
     def triangles(self):
         """Of shape (M, 3), or None before the mesh is decoded."""

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from meshreel.codec.memory import MemoryLimit, memory_limit
 from meshreel.codec.methods import method_named
-from meshreel.codec.open_stream import OpenStream, timing_of, whole_file
+from meshreel.codec.open_stream import OpenStream, require_positions, timing_of, whole_file
 from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.surface.codes import DOMAINS
 from meshreel.codec.tracks import KINDS
@@ -77,7 +77,9 @@ def _segments(
         nonlocal needed_bytes
         meshes: dict[Hashable, Future[Mesh]] = {}
         starts = *(entry.first_frame for entry in file.segments), file.info.n_frames
-        for number, selected in frames_by_segment(starts, requested):
+        selections = [*frames_by_segment(starts, requested)]
+        require_positions(file, limit, selections, requested)
+        for number, selected in selections:
             opened = OpenStream(file, limit, number)
             has_new_mesh = opened.mesh_key not in meshes
             mesh = meshes.setdefault(opened.mesh_key, Future())
@@ -119,7 +121,7 @@ class _Part:
         self._mesh = mesh
         self._has_fewer_modes = n_modes is not None
         self._reader = method_named(opened.method).frames(opened, n_modes)
-        opened.require_frames(frames)
+        opened.require_frames(frames, n_modes)
 
     def decode(self, progress: Progress) -> MeshSequence:
         """Decode the frames with their tracks, and close the stream."""

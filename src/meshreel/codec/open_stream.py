@@ -1,6 +1,6 @@
 """An open stream and the parts that its blocks share: mesh, order, surface, time."""
 
-from collections.abc import Hashable, Iterator
+from collections.abc import Hashable, Iterable, Iterator
 from enum import IntEnum
 from functools import cached_property
 from operator import attrgetter
@@ -23,6 +23,8 @@ from meshreel.errors import CorruptStreamError, InvalidInputError, Keyword, Unsu
 from meshreel.kernel.files import FileSection, FileTrack, OpenFile
 from meshreel.model.surface import PLAIN, Surface
 from meshreel.model.timing import Timing
+
+FLOAT32_POSITION_BYTES = 12
 
 CodedChoice = TypeVar("CodedChoice", bound=IntEnum)
 
@@ -122,11 +124,15 @@ class OpenStream:
         """Number of complete blocks."""
         return self.file.info.n_blocks
 
-    def require_frames(self, frames: range) -> None:
-        """Raise MemoryLimitError if some decoded frames, with tracks, exceed the memory limit."""
+    def require_frames(self, frames: range, n_modes: int | None = None) -> None:
+        """Raise MemoryLimitError if some frames, with tracks, announce more than the limit.
+
+        Counts the decoded frames, and the mesh and each block while they are decoded.
+        """
         tracks = ", with their tracks," if self.tracks else ""
         subject = f"frames {frames.start}:{frames.stop} of {self.n_verts} vertices{tracks}"
         self.limit.require(self.frames_size_bytes(frames), subject)
+        self.file.check(frames, n_modes or 0)
 
     def frames_size_bytes(self, frames: range) -> int:
         """Bytes of the decoded positions of some frames, and of their tracks."""
@@ -168,6 +174,18 @@ class OpenStream:
         for section in self.file.sections(block.offset, block.offset + block.size_bytes):
             if section.is_known:
                 yield Section(section.id), self.payload(section)
+
+
+def require_positions(
+    file: OpenFile, limit: MemoryLimit, parts: Iterable[tuple[int, range]], frames: range
+) -> None:
+    """Raise MemoryLimitError if positions alone exceed the limit, before a segment is opened.
+
+    `parts` are the number of each segment with some of the frames, and their numbers in it.
+    """
+    n_positions = [len(part) * file.segments[number].n_verts for number, part in parts]
+    subject = f"frames {frames.start}:{frames.stop} of {len(n_positions)} segments"
+    limit.require(FLOAT32_POSITION_BYTES * sum(n_positions), subject)
 
 
 def _choice_of_code(choices: type[CodedChoice], code: int) -> CodedChoice:

@@ -14,7 +14,7 @@ from meshreel.codec.inspect import StreamInfo, file_info
 from meshreel.codec.joining import separate_stream
 from meshreel.codec.memory import memory_limit
 from meshreel.codec.methods import FrameReader, method_named
-from meshreel.codec.open_stream import OpenStream, require_whole, timing_of
+from meshreel.codec.open_stream import OpenStream, require_positions, require_whole, timing_of
 from meshreel.codec.reel_track import DecodedValues, ReelTrack
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.errors import ConnectivityChangeError, InvalidInputError
@@ -308,9 +308,12 @@ class ReelFile(Timed):
         selected = frame_range(index, self.n_frames)
         parts, decoded_bytes, n_done = [], 0, 0
         timing = self.timing.part(selected)
-        for number, frames in frames_by_segment(self.starts, selected):
+        selections = [*frames_by_segment(self.starts, selected)]
+        if len(selections) > 1:
+            require_positions(self._whole, self._limit, selections, selected)
+        for number, frames in selections:
             segment = self.segments[number]
-            segment._opened.require_frames(frames)
+            segment._opened.require_frames(frames, self._n_modes)
             frames_bytes = len(frames) * segment.n_verts * 3 * segment.dtype.itemsize
             subject = f"frames {selected.start}:{selected.stop} of {self!r}"
             self._limit.require(decoded_bytes + frames_bytes, subject)

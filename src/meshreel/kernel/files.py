@@ -493,6 +493,14 @@ class OpenFile:
             return MemoryError(f"decoding takes {error.size} bytes, which the system does not have")
         return error.exception
 
+    def check(self, frames: range, n_modes: int = 0) -> None:
+        """Raise MemoryLimitError if what the mesh and blocks of some frames announce exceeds it.
+
+        Parameters and other errors are those of `FrameDecoder`.
+        """
+        arguments = _U32(frames.start), _U32(len(frames)), _U32(n_modes)
+        self.call("check", self.handle, *arguments)
+
     def read_mesh(self) -> None:
         """Decode the triangles and the order of vertices; raises as the class."""
         with self._lock:
