@@ -49,6 +49,10 @@ def parts_of(text: str) -> tuple[str | Keyword, ...]:
     return text.parts if isinstance(text, Message) else (text,)
 
 
+MAX_PART = 2000
+"""Maximum number of characters of a part of a message: files may contain names of any length."""
+
+
 class MeshReelError(Exception):
     """Base class of all errors that meshreel raises.
 
@@ -65,7 +69,13 @@ class MeshReelError(Exception):
     def __init__(
         self, *parts: str | Keyword, message: str = "", path: str | PathLike[str] = ""
     ) -> None:
-        super().__init__(*(parts or (message,)))
+        shortened = (
+            f"{part[: MAX_PART // 2]} ... {part[-MAX_PART // 4 :]}"
+            if isinstance(part, str) and len(part) > MAX_PART
+            else part
+            for part in parts
+        )
+        super().__init__(*(shortened if parts else (message,)))
         self.path: str = str(path)
 
     @property

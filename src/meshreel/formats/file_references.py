@@ -13,6 +13,10 @@ files without an announced size.
 """
 
 
+MAX_REFERENCE = 4096
+"""Maximum number of characters of a path, as in Linux."""
+
+
 def resolve_reference(source: Path, reference: str, reading: Reading) -> Path:
     """Return the path of a file that `source` refers to, relative to its folder.
 
@@ -27,6 +31,11 @@ def resolve_reference(source: Path, reference: str, reading: Reading) -> Path:
         If the file is outside without permission, does not exist, is empty or a Git LFS pointer.
     """
     folder = source.resolve().parent
+    if len(reference) > MAX_REFERENCE:  # before it is resolved, a system call per component
+        raise FormatError(
+            f"refers to {reference[:80]!r}..., which has {len(reference)} characters; a path has "
+            f"at most {MAX_REFERENCE}"
+        )
     try:
         path = (folder / reference.strip()).resolve()
         is_file = path.is_file()

@@ -171,11 +171,16 @@ def _with_similar(first: Note, others: Collection[Note]) -> Note:
     return Note(first.kind, first.subject, first.names, text)
 
 
+MAX_NAME = 500
+"""Maximum number of characters of a name in a list."""
+
+
 def listed(names: Iterable[str], most: int = 8) -> str:
-    """Join names in one line, shortening long lists: "a, b and 3 more"."""
+    """Join names in one line, shortening long lists and names: "a, b and 3 more"."""
     texts = list(names)
     ending = f" and {len(texts) - most} more" if len(texts) > most else ""
-    return ", ".join(texts[:most]) + ending
+    shown = (name if len(name) <= MAX_NAME else f"{name[:MAX_NAME]}..." for name in texts[:most])
+    return ", ".join(shown) + ending
 
 
 def note_normals(notes: Notes) -> None:

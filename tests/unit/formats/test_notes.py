@@ -22,6 +22,7 @@ def test_note_on_something_left_out_is_added_once(notes):
 def test_long_lists_end_with_a_count():
     assert listed("abc", most=3) == "a, b, c"
     assert listed("abcde", most=3) == "a, b, c and 2 more"
+    assert len(listed(["a" * 10**6])) < 1000
 
 
 def test_note_lists_further_names_in_its_place(notes):

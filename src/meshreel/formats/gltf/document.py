@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from meshreel.errors import FormatError
 from meshreel.formats.file_errors import os_errors_naming, read_bytes
-from meshreel.formats.file_references import resolve_reference
+from meshreel.formats.file_references import MAX_REFERENCE, resolve_reference
 from meshreel.formats.gltf.container import split_container
 from meshreel.formats.gltf.meshopt import READ_EXTENSIONS, decode_view
 from meshreel.formats.options import Reading
@@ -77,10 +77,12 @@ N_MODES = 7
 MAX_INTEGER = 1 << 53
 """Integers up to here are exact in every JSON reader."""
 
-MIN_EXPANDED_BYTES = 1 << 30
+MIN_EXPANDED_BYTES, MIN_DECOMPRESSED_BYTES = 1 << 26, 1 << 30
 MAX_EXPANSION = 32
-"""Arrays may need this many times the bytes of the file, or `MIN_EXPANDED_BYTES` if that is more:
-a small file must not fill the memory with arrays that share bytes, have none, or are compressed."""
+"""Arrays may need this many times the bytes of the file and of its decompressed views, or
+`MIN_EXPANDED_BYTES` if that is more: a small file must not fill the memory with arrays that share
+bytes or have none. Decompression may need `MIN_DECOMPRESSED_BYTES`, since values that do not change
+take hardly any."""
 
 DATA_URI = re.compile(r"data:([^,;]{0,100})(?:;[^,]{0,200})?;base64,", re.IGNORECASE)
 
@@ -423,7 +425,9 @@ class Document:
         FormatError
             As `read`, or if a number is not finite.
         """
-        numbers = self.read(parent, key, *kinds, count=count).floats().astype(np.float64)
+        values = self.read(parent, key, *kinds, count=count)
+        self.reserve(values.array.size * np.float64().itemsize, parent.place)
+        numbers = values.floats().astype(np.float64)
         if not np.isfinite(numbers).all():
             raise FormatError(f"{parent.place}: the numbers of {key!r} must be finite")
         return numbers
@@ -448,11 +452,16 @@ class Document:
     def read_each(
         self, parents: Sequence[JsonObject], key: str, kind: str, *, count: int
     ) -> tuple[npt.NDArray[Any] | None, ...]:
-        """Return the numbers of an accessor of each object; None if it has none."""
-        return tuple(
-            self.read(parent, key, kind, count=count).floats() if key in parent else None
-            for parent in parents
-        )
+        """Return the numbers of an accessor of each object; None if it has none.
+
+        An accessor is read once, since millions of objects may share it.
+        """
+        arrays: dict[int | None, npt.NDArray[Any] | None] = {None: None}
+        indices = [parent.index(key, "accessors") for parent in parents]
+        for parent, index in zip(parents, indices, strict=True):
+            if index not in arrays:
+                arrays[index] = self.read(parent, key, kind, count=count).floats()
+        return tuple(arrays[index] for index in indices)
 
     def view(self, parent: JsonObject) -> tuple[memoryview, int]:
         """Return the decompressed bytes of a buffer view, and its stride, or 0 without one.
@@ -476,7 +485,7 @@ class Document:
                     f"bytes of {view.place}"
                 )
             data = bytes(self._buffer_bytes(compressed))
-            self.reserve(size, compressed.place)
+            self.reserve(size, compressed.place, MIN_DECOMPRESSED_BYTES)
             count, stride_bytes = compressed.integer("count"), compressed.integer("byteStride")
             mode, kind = compressed.text("mode"), compressed.text("filter", "NONE")
             try:
@@ -486,16 +495,19 @@ class Document:
                     f"{compressed.place}: meshopt cannot decode it ({error})"
                 ) from None
             self._decompressed[view.place] = memoryview(decoded.tobytes())
+            self._available_bytes += size
         return self._decompressed[view.place], stride
 
-    def reserve(self, size_bytes: int, place: str) -> None:
+    def reserve(self, size_bytes: int, place: str, min_bytes: int = 0) -> None:
         """Count bytes before they are allocated, and reject far more than the file has."""
-        self._reserved_bytes += size_bytes
-        if self._reserved_bytes > max(MIN_EXPANDED_BYTES, MAX_EXPANSION * self._available_bytes):
+        min_bytes = max(min_bytes, MIN_EXPANDED_BYTES)
+        reserved_bytes = self._reserved_bytes + size_bytes
+        if reserved_bytes > max(min_bytes, MAX_EXPANSION * self._available_bytes):
             raise FormatError(
                 f"{place}: the arrays of the file would need more than {MAX_EXPANSION} times its "
-                f"size, and more than {MIN_EXPANDED_BYTES >> 30} GiB"
+                f"size, and more than {min_bytes >> 20} MiB"
             )
+        self._reserved_bytes = reserved_bytes
 
     def read_uri(self, json: JsonObject, size: int | None = None) -> tuple[bytes, str, str]:
         """Return data, media type, and file name of the URI of a buffer or an image.
@@ -524,7 +536,7 @@ class Document:
                 raise FormatError(
                     f"{json.place}: its data are not valid base64 ({error})"
                 ) from None
-        name = unquote(uri)
+        name = unquote(uri) if len(uri) <= 3 * MAX_REFERENCE else ""
         if NOT_RELATIVE.match(name) or "\\" in name or "\0" in name or not name:
             raise FormatError(
                 f"{json.place}: refers to {uri[:200]!r}; only files in the folder of the glTF file "

@@ -392,7 +392,7 @@ def _decode_draco(
     n_corners = primitive.item("indices", "accessors").integer("count")
     n_verts = names.item("POSITION", "accessors").integer("count")
     _check_draco_counts(data, n_verts, n_corners, compressed.place)
-    document.reserve(4 * n_corners, compressed.place)
+    document.reserve(4 * n_corners + 12 * n_verts, compressed.place)
     library = LIBRARY.load()
     try:
         mesh = library.decode(data)

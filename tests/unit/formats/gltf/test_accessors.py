@@ -4,6 +4,7 @@ import pytest
 from meshreel.errors import FormatError
 from meshreel.formats.gltf import document
 from meshreel.formats.gltf.document import Document, JsonObject
+from meshreel.formats.load import load
 from samples.gltf import Gltf
 
 
@@ -113,11 +114,35 @@ def test_accessors_and_views_that_contradict_their_bytes_are_rejected(read, kind
         read(file, "VEC3")
 
 
-def test_huge_accessor_without_bytes_is_rejected(read):
+@pytest.mark.parametrize("count", [6_000_000, 1 << 40])
+def test_large_accessor_without_bytes_is_rejected(read, count):
     file = Gltf()
-    file.add("accessors", componentType=5126, count=1 << 40, type="VEC3")
-    with pytest.raises(FormatError, match="arrays of the file would need more than 32 times"):
+    file.add("accessors", componentType=5126, count=count, type="VEC3")
+    with pytest.raises(FormatError, match="more than 32 times its size, and more than 64 MiB"):
         read(file, "VEC3")
+
+
+def test_animation_with_too_many_zeros_is_left_out(tmp_path, notes):
+    file = Gltf.of_mesh()
+    file.animate(0, "translation", [0, 1], np.zeros((2, 3)))
+    sampler = file.json["animations"][0]["samplers"][0]
+    file.json["accessors"][sampler["input"]] = {
+        "componentType": 5126,
+        "count": 6_000_000,  # 24 MB, and 48 MB in double precision
+        "type": "SCALAR",
+    }
+    assert load(file.save(tmp_path / "a.glb"), notes=notes).n_frames == 1
+    assert "the arrays of the file would need more than 32 times its size" in notes[0]
+
+
+def test_objects_that_refer_to_one_accessor_share_its_values(tmp_path):
+    file = Gltf()
+    file.accessor(np.zeros((2, 3)))
+    opened = Document(file.save(tmp_path / "a.glb"))
+    holders = [JsonObject({"it": 0}, "holder", opened.lists), JsonObject({}, "none", opened.lists)]
+    first, second, none = opened.read_each([holders[0], *holders], "it", "VEC3", count=2)
+    assert first is second
+    assert none is None
 
 
 def test_accessor_with_another_count_than_required_is_rejected(read):

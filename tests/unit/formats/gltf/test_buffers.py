@@ -56,6 +56,20 @@ def test_load_rejects_uris_that_are_not_relative_paths(tmp_path, uri):
 
 
 @pytest.mark.parametrize(
+    ("uri", "message"),
+    [
+        ("data:application/octet-stream," + "%00" * 10**6, "only files in the folder"),
+        ("%61/" * 10**5, "only files in the folder"),
+        ("a/" * 2500, "has 5000 characters; a path has at most 4096"),
+    ],
+)
+def test_load_rejects_long_uris_with_a_short_message(tmp_path, uri, message):
+    with pytest.raises(FormatError, match=message) as caught:
+        load(with_external_buffer(tmp_path, uri))
+    assert len(str(caught.value)) < 1000
+
+
+@pytest.mark.parametrize(
     "uri", ["../a.bin", "sub/../../a.bin", "%2e%2e/a.bin", "{above}/a.bin", "link.bin"]
 )
 def test_load_reads_buffers_outside_of_the_folder_only_with_permission(tmp_path, uri):

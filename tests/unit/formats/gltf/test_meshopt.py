@@ -160,6 +160,7 @@ def test_buffer_view_with_another_length_than_its_data_is_rejected(tmp_path):
 
 def test_compressed_data_that_would_fill_the_memory_are_rejected(tmp_path, monkeypatch):
     monkeypatch.setattr("meshreel.formats.gltf.document.MIN_EXPANDED_BYTES", 100)
+    monkeypatch.setattr("meshreel.formats.gltf.document.MIN_DECOMPRESSED_BYTES", 100)
     monkeypatch.setattr("meshreel.formats.gltf.document.MAX_EXPANSION", 0)
     path = saved(tmp_path / "a.glb", packed_square(EXTENSIONS[0]))
     with pytest.raises(FormatError, match="would need more than 0 times its size"):
