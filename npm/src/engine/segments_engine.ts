@@ -11,6 +11,9 @@ import { type Range, Ranges } from "./ranges.js";
 /** Bytes read first: small files fit entirely, and of most others the connectivity. */
 const HEAD_BYTES = 65536;
 
+/** The first 8 bytes of a file. */
+const MAGIC = 0x89_52_45_45_4c_0d_0a_1an;
+
 /** Bytes read from the end of the file: they contain the index of most files. */
 const TAIL_BYTES = 4096;
 
@@ -65,7 +68,13 @@ export class SegmentsEngine {
     };
     const isLarge = size !== null && hasRanges && size > HEAD_BYTES;
     if (isLarge) await Promise.all([fetch(0, HEAD_BYTES), fetch(size - TAIL_BYTES, size)]);
-    else if (!bytes.has(0, 1)) await fetch(0, size ?? Number.MAX_SAFE_INTEGER);
+    else if (!bytes.has(0, 1)) {
+      await fetch(0, Math.min(HEAD_BYTES, size ?? HEAD_BYTES));
+      // The rest of anything else is not read: an endless body would fill the memory.
+      const isReel =
+        bytes.has(0, HEAD_BYTES) && new DataView(bytes.slice(0, 8).buffer).getBigUint64(0) === MAGIC;
+      if (isReel) await fetch(HEAD_BYTES, size ?? Number.MAX_SAFE_INTEGER);
+    }
     const [nRead] = bytes.missing(0, Number.MAX_SAFE_INTEGER)!;
     const sizeBytes = isLarge ? size : nRead || (size ?? 0);
     const readMore = readAhead(read, sizeBytes);

@@ -168,7 +168,8 @@ export class Download {
     }
     const end = Math.min(offset + value.length, this.end - this.start);
     const { memory } = this.policy;
-    if (end > memory) {
+    // An announced size is refused before more than the first bytes are received.
+    if ((Number.isFinite(this.end) ? this.end - this.start : end) > memory) {
       throw new SourceError(
         `${this.transport.name}: more than ${memory} bytes would have to be buffered;` +
           " serve the file with byte ranges, or allow more with `memory`",

@@ -5,13 +5,13 @@ import type { ByteSource } from "../types.js";
 import { Download } from "./download.js";
 import { HttpTransport } from "./http_transport.js";
 import { clampRange } from "./memory.js";
-import { DEFAULT_MEMORY, HEAD_BYTES, type DownloadPolicy, type SourceOptions } from "./transport.js";
+import { HEAD_BYTES, type DownloadPolicy, type SourceOptions } from "./transport.js";
 
 /** Files up to this size are downloaded entirely, without waiting for further reads. */
 const SMALL_FILE_BYTES = 2 * HEAD_BYTES;
 
-/** Limit of the bytes of a download: an endless body must not exhaust memory. */
-const MAX_BUFFER_BYTES = 2 ** 30;
+/** Limits of the bytes of a download, by default and at most: an endless body must not exhaust memory. */
+const [DEFAULT_BUFFER_BYTES, MAX_BUFFER_BYTES] = [2 ** 28, 2 ** 30];
 
 /**
  * Open an address; see `openSource`.
@@ -23,7 +23,7 @@ const MAX_BUFFER_BYTES = 2 ** 30;
 export async function openRemote(
   from: string | URL,
   init: RequestInit,
-  { signal, retries = 3, stallSeconds = 20, memory = DEFAULT_MEMORY }: SourceOptions,
+  { signal, retries = 3, stallSeconds = 20, memory = DEFAULT_BUFFER_BYTES }: SourceOptions,
   keptBytes = 0,
 ): Promise<ByteSource> {
   signal?.throwIfAborted();

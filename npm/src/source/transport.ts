@@ -27,7 +27,7 @@ export interface SourceOptions {
   /**
    * Limit of the memory that decoding may use, in bytes, and, up to 1 GiB, of that for a file whose
    * server does not support ranges. A small malicious file could exhaust it: files that need more
-   * throw a `MemoryLimitError`. Default: 2 GiB.
+   * throw a `MemoryLimitError`. Default: 2 GiB; 256 MiB for a file without ranges.
    */
   memory?: number;
 }
