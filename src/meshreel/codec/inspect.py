@@ -388,11 +388,6 @@ def stream_info(
         Read only short sections and the heads of others, without verifying checksums.
     surfaces : dict, optional
         Surfaces of earlier segments of the same file by their `mesh_key`; new ones are added.
-
-    Raises
-    ------
-    CorruptStreamError
-        If a section is damaged.
     """
     file = opened.file
     # Raises if a section is in the wrong group, on which `_sizes` relies.

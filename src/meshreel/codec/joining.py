@@ -53,13 +53,7 @@ def join_streams(
 
 
 def separate_stream(opened: OpenStream) -> bytes:
-    """Return a stream of one segment, with its times, without re-encoding.
-
-    Raises
-    ------
-    CorruptStreamError
-        If a section is damaged.
-    """
+    """Return a stream of one segment, with its times, without re-encoding."""
     leading = [*_without_timing(opened), *timing_sections(opened.timing)]
     return write_stream((header_of(opened), leading, blocks_of(opened)))
 

@@ -152,15 +152,7 @@ class OpenStream:
 
     @cached_property
     def surface(self) -> Surface:
-        """Polygons, attributes, groups, hard edges, parts and materials of the mesh.
-
-        Raises
-        ------
-        CorruptStreamError, TruncatedStreamError
-            If it is damaged, or does not fit the faces.
-        MemoryLimitError
-            If it takes more memory than allowed.
-        """
+        """Polygons, attributes, groups, hard edges, parts and materials of the mesh."""
         return decoded_surface(self.file) if self.has_surface else PLAIN
 
     def payload(self, section: FileSection) -> bytes:
@@ -189,13 +181,7 @@ def require_positions(
 
 
 def _choice_of_code(choices: type[CodedChoice], code: int) -> CodedChoice:
-    """Return the enumeration member that a stream stores as this code.
-
-    Raises
-    ------
-    UnsupportedVersionError
-        If this build does not know the code.
-    """
+    """Return the enumeration member that a stream stores as this code."""
     try:
         return choices(code)
     except ValueError:
@@ -207,30 +193,12 @@ def _choice_of_code(choices: type[CodedChoice], code: int) -> CodedChoice:
 def whole_stream(
     data: bytes, limit: MemoryLimit = DEFAULT_LIMIT, segment: int | None = None
 ) -> OpenStream:
-    """Open a complete stream, or a segment of it.
-
-    Raises
-    ------
-    InvalidInputError
-        As `OpenStream`.
-    CorruptStreamError, TruncatedStreamError
-        If its end is missing or damaged, or bytes follow it; and as `OpenStream`.
-    UnsupportedVersionError
-        If a newer build is needed.
-    """
+    """Open a complete stream, or a segment of it; one without its end is an error."""
     return OpenStream(whole_file(data, limit), limit, segment)
 
 
 def whole_file(data: bytes, limit: MemoryLimit = DEFAULT_LIMIT) -> OpenFile:
-    """Open a complete stream of any number of segments.
-
-    Raises
-    ------
-    CorruptStreamError, TruncatedStreamError
-        If its end is missing or damaged, or bytes follow it; and as `OpenFile`.
-    UnsupportedVersionError
-        If a newer build is needed.
-    """
+    """Open a complete stream of any number of segments; one without its end is an error."""
     file = OpenFile(data, limit.limit_bytes)
     require_whole(file)
     return file

@@ -232,7 +232,7 @@ class FrameDecoder:
     """Decodes frames of a file of `reel`, `lossless` or `grid`; keeps decoded blocks of each track.
 
     Several threads may share one. A forked child starts with an empty one, because a thread of its
-    parent may have been using the blocks.
+    parent may have been using the blocks. Methods raise as `OpenFile`.
 
     Parameters
     ----------
@@ -247,22 +247,14 @@ class FrameDecoder:
         self._handle = _POINTER()
 
     def load(self, block: int, track: int = 0) -> None:
-        """Decode a block, unless it is in memory; raises as `fill`."""
+        """Decode a block, unless it is in memory."""
         with self._lock:
             self._begin()
             n_modes = 0 if track else self._n_modes
             self._file.call("load", self._handle, _U32(track), _U32(block), _U32(n_modes))
 
     def fill(self, out: npt.NDArray[Any], first: int, track: int = 0) -> None:
-        """Fill a contiguous array of shape (n, N, C) with frames of a track from `first` on.
-
-        Raises
-        ------
-        CorruptStreamError, TruncatedStreamError
-            If a block is damaged.
-        MemoryLimitError
-            If a block takes more memory than allowed.
-        """
+        """Fill a contiguous array of shape (n, N, C) with frames of a track from `first` on."""
         assert out.flags.c_contiguous
         with self._lock:
             self._begin()
@@ -276,13 +268,6 @@ class FrameDecoder:
 
         None if values need more than a sum: lossless values, values predicted from positions,
         normals, and tracks with missing values or with corrections of values that corners share.
-
-        Raises
-        ------
-        CorruptStreamError, TruncatedStreamError
-            If the block is damaged.
-        MemoryLimitError
-            If it takes more memory than allowed.
         """
         with self._lock:
             self._begin()
@@ -576,13 +561,7 @@ class OpenFile:
     def sections(
         self, start: int = 0, stop: int | None = None, *, is_checked: bool = True
     ) -> Iterator[FileSection]:
-        """Iterate over the sections from byte `start` to byte `stop`; by default, all.
-
-        Raises
-        ------
-        CorruptStreamError, TruncatedStreamError
-            If a section is damaged.
-        """
+        """Iterate over the sections from byte `start` to byte `stop`; by default, all."""
         offset, end = start, self.info.size_bytes if stop is None else stop
         while offset < end:
             section = structure_of(FileSection)()

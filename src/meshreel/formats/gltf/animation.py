@@ -347,11 +347,6 @@ def sample_times(keys_s: Floats, fps: float, *, is_curved: bool, notes: Notes) -
         Whether motion between keys may be curved.
     notes : Notes
         Gains a sentence if the keys have no suitable rate, or the last is between two frames.
-
-    Raises
-    ------
-    FormatError
-        If there would be too many frames.
     """
     start, end = float(keys_s[0]), float(keys_s[-1])
     if end - start < SAME_S:

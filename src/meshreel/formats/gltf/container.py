@@ -46,11 +46,6 @@ def split_container(data: bytes) -> tuple[Any, memoryview | None]:
     """Return the parsed JSON of a file, and the binary chunk of a GLB file if it has one.
 
     The container is detected from the first bytes, not from the file extension.
-
-    Raises
-    ------
-    FormatError
-        If the file is truncated, has a version other than 2, or is not JSON.
     """
     if data[:4] != MAGIC:
         return _parse_json(data), None

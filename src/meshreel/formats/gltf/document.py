@@ -396,11 +396,6 @@ class Document:
             Allowed accessor types, such as "SCALAR" and "VEC3".
         count : int, optional
             Required number of elements; by default any positive number.
-
-        Raises
-        ------
-        FormatError
-            If the accessor has another type or size, or exceeds its buffer view.
         """
         accessor = parent.item(key, "accessors")
         dtype, width = declared_type(accessor, kinds)
@@ -418,13 +413,7 @@ class Document:
     def read_floats(
         self, parent: JsonObject, key: str, *kinds: str, count: int | None = None
     ) -> npt.NDArray[np.float64]:
-        """Return the numbers of an accessor as float64; arguments as `read`.
-
-        Raises
-        ------
-        FormatError
-            As `read`, or if a number is not finite.
-        """
+        """Return the numbers of an accessor as float64; arguments as `read`."""
         values = self.read(parent, key, *kinds, count=count)
         self.reserve(values.array.size * np.float64().itemsize, parent.place)
         numbers = values.floats().astype(np.float64)
@@ -464,14 +453,7 @@ class Document:
         return tuple(arrays[index] for index in indices)
 
     def view(self, parent: JsonObject) -> tuple[memoryview, int]:
-        """Return the decompressed bytes of a buffer view, and its stride, or 0 without one.
-
-        Raises
-        ------
-        FormatError
-            If the view exceeds its buffer, the buffer cannot be read, or the data cannot be
-            decompressed.
-        """
+        """Return the decompressed bytes of a buffer view, and its stride, or 0 without one."""
         view = parent.item("bufferView", "bufferViews")
         stride = view.integer("byteStride", 0)
         compressed = next(filter(None, map(view.extension, READ_EXTENSIONS)), None)
@@ -521,12 +503,6 @@ class Document:
         -------
         tuple of bytes, str, str
             The type is empty if the data are in a file, the name if they are in the URI.
-
-        Raises
-        ------
-        FormatError
-            If the data are damaged, or their file is missing, or outside of the folder without
-            permission.
         """
         uri = json.text("uri")
         if match := DATA_URI.match(uri):

@@ -204,13 +204,7 @@ def _image_index(texture: JsonObject) -> int:
 
 
 def read_look(material: JsonObject) -> Material:
-    """Return a material without its name and textures.
-
-    Raises
-    ------
-    FormatError
-        If a value is invalid.
-    """
+    """Return a material without its name and textures."""
     specular = _specular_glossiness(material)
     mode = material.text("alphaMode", "OPAQUE")
     if mode not in AlphaMode.__members__:

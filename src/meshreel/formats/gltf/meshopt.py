@@ -50,11 +50,6 @@ def decode_view(data: bytes, count: int, stride: int, mode: str, kind: str) -> B
         Number of elements, and bytes of each.
     mode, kind : str
         Mode and filter of the extension.
-
-    Raises
-    ------
-    FormatError
-        If the data are damaged, or contradict the extension.
     """
     if mode == "ATTRIBUTES":
         if not 0 < stride <= MAX_STRIDE or stride % 4:
@@ -80,13 +75,7 @@ def decode_view(data: bytes, count: int, stride: int, mode: str, kind: str) -> B
 
 
 def decode_attributes(data: bytes, count: int, stride: int) -> Bytes:
-    """Return decoded elements before any filter, of shape (count, stride).
-
-    Raises
-    ------
-    FormatError
-        If the data are damaged.
-    """
+    """Return decoded elements before any filter, of shape (count, stride)."""
     version = VERSIONS.get(data[0] if data else 0)
     if version is None:
         raise FormatError("does not start with attributes of version 0 or 1")
@@ -267,13 +256,7 @@ FILTERS: dict[str, Callable[[Bytes], Bytes]] = {
 
 
 def decode_triangles(data: bytes, count: int) -> npt.NDArray[np.uint32]:
-    """Return the decoded vertex indices of a triangle list, of shape (count,).
-
-    Raises
-    ------
-    FormatError
-        If the data are damaged.
-    """
+    """Return the decoded vertex indices of a triangle list, of shape (count,)."""
     n_triangles, tail = count // 3, len(data) - TRIANGLES_TAIL
     if tail < 1 + n_triangles or data[0] != TRIANGLES_HEAD:
         raise FormatError("does not contain the declared triangles of version 1")

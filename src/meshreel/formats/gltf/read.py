@@ -106,13 +106,7 @@ def _error_bound(document: Document) -> float | None:
 
 
 def list_animations(path: Path, reading: Reading) -> list[AnimationInfo]:
-    """Return the animations of a glTF file, in file order, without adding notes.
-
-    Raises
-    ------
-    FormatError
-        If the file is damaged outside of its animations.
-    """
+    """Return the animations of a glTF file, in file order, without adding notes."""
     document = Document(path, reading)
     nodes = Nodes(document)
     shown = shown_meshes(document, nodes, Notes())

@@ -47,11 +47,6 @@ class Nodes:
         Parent of each node; -1 for a root.
     ordered : list of int
         All nodes, parents first.
-
-    Raises
-    ------
-    FormatError
-        If a node has several parents, or is its own ancestor.
     """
 
     def __init__(self, document: Document) -> None:
@@ -120,11 +115,6 @@ class Nodes:
         ----------
         defaults : dict of int to str
             Name of each node if it has none.
-
-        Raises
-        ------
-        FormatError
-            If a path is longer than `MAX_PATH`.
         """
         path_nodes = self.with_ancestors(defaults)
         names = {node: self.objects[node].text("name", "") for node in path_nodes}
@@ -178,11 +168,6 @@ class Nodes:
         """Return the translation, unit quaternion x y z w and scale of a node, and its matrix.
 
         The matrix is missing if the node has none.
-
-        Raises
-        ------
-        FormatError
-            If a number is not finite, or a rotation has length 0.
         """
         rest = self._rest[node]
         if isinstance(rest, FormatError):
