@@ -87,13 +87,13 @@ def test_separate_patches_do_not_add_up():
 
 @pytest.mark.parametrize(
     ("positive", "area"),
-    [(range(10), 4.0), ([6, 7], 1 / 4), ([6, 7, 2], 4 / 3), ([0, 5], 1 / 6), ([], 0.0)],
+    [(range(10), 4.0), ([6, 7], 9 / 16), ([6, 7, 2], 13 / 8), ([0, 5], 1 / 12), ([], 0.0)],
 )
 def test_patches_are_connected_by_positive_corners(positive, area):
-    """A strip of four triangles of area 1; positive corners have the value 1, others -1."""
+    """A strip of four triangles of area 1, with values of 1 or -1; at centroids of 3 or -3."""
     vertices = np.array([[i // 2 * 2.0, i % 2, 0.0] for i in range(6)])
     strip = TriangleMesh(vertices, np.array([[0, 2, 1], [1, 2, 3], [2, 4, 3], [3, 4, 5]]))
-    values = np.where(np.isin(np.arange(10), positive), 1.0, -1.0)
+    values = np.where(np.isin(np.arange(10), positive), 1.0, -1.0) * np.repeat([1, 3], [6, 4])
     assert largest_patch(strip, values) == pytest.approx(area)
 
 

@@ -227,16 +227,20 @@ def test_rounding_errors_do_not_add_up_along_a_chain():
         assert np.abs(errors).max() <= 2.0**-11 + 1e-5
 
 
-def test_straight_motion_needs_few_keys_bends_have_one_and_so_does_rest():
+def test_straight_motion_and_turns_near_the_joint_need_few_keys():
     corner = np.minimum(np.arange(40), 25) * 0.01
     offsets = np.column_stack([corner, np.zeros((40, 2))])
     still = np.tile(np.eye(3, 4), (40, 1, 1))
-    transforms = np.stack([still, moving([np.eye(3)] * 40, offsets), still], axis=1)
-    skeleton = Skeleton(np.array([-1, 0, 0]), np.zeros((3, 3)))
-    tracks = fit_tracks(transforms, skeleton, np.ones(3), TIMES_S, Steps(12, -20), 1e-5)
-    root, child, resting = tracks
+    turning = moving([turn(0.01 * np.sin(frame)) for frame in range(40)], np.zeros((40, 3)))
+    bones = still, moving([np.eye(3)] * 40, offsets), still, turning, turning
+    skeleton, radii = Skeleton(np.array([-1, 0, 0, 0, 0]), np.zeros((5, 3))), [1, 1, 1, 5e-4, 2e-3]
+    tracks = fit_tracks(
+        np.stack(bones, axis=1), skeleton, np.array(radii), TIMES_S, Steps(12, -20), 1e-5
+    )
+    root, child, resting, near, far = tracks
     assert len(root.frames) == 40  # tells readers the times of all frames
     assert (child.frames.tolist(), resting.frames.tolist()) == ([0, 25, 39], [0])
+    assert len(near.frames) == 1 < len(far.frames)
     np.testing.assert_array_equal(resting.matrices(TIMES_S), still)
     assert np.abs(child.matrices(TIMES_S)[:, 0, 3] - corner).max() <= 1e-5
 

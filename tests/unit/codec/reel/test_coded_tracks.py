@@ -234,12 +234,12 @@ def test_few_different_integers_are_exact_where_that_takes_fewer_bytes():
     np.testing.assert_array_equal(decoded.tracks["contact"].values[..., 0], contact)
 
 
-@pytest.mark.parametrize("n_frames", [1, 16])
-def test_tracks_that_resemble_earlier_ones_take_fewer_bytes(n_frames, monkeypatch):
+@pytest.mark.parametrize(("n_frames", "n_tracks"), [(1, 12), (1, 2), (16, 12)])
+def test_tracks_that_resemble_earlier_ones_take_fewer_bytes(n_frames, n_tracks, monkeypatch):
     sheet, rng = waving_grid(n_frames, 20, 20), np.random.default_rng(6)
     x, y, _ = np.moveaxis(sheet.vertices.astype(float), -1, 0)
     rough, tracks = np.abs(np.sin(x)) * rng.normal(size=(1, sheet.n_verts)), {}
-    for number in range(12):  # more than a chain may have
+    for number in range(n_tracks):  # twelve are more than a chain may have
         rough = rough + 0.2 * rng.normal(size=rough.shape)
         tracks[f"step {number}"] = (number * y + rough).astype("f4")
     original, sizes = sheet.replace(tracks=tracks), []
@@ -249,8 +249,8 @@ def test_tracks_that_resemble_earlier_ones_take_fewer_bytes(n_frames, monkeypatc
         errors = measure_stream(original, data).tracks
         infos = meshreel.info(data).tracks
         assert all(errors[track.name].largest <= track.bound for track in infos)
-        sizes.append(sum(track.size_bytes for track in infos))
-    assert sizes[0] < 0.96 * sizes[1]
+        sizes.append([sum(one.size_bytes for one in infos), infos[-1].size_bytes])
+    assert (np.array(sizes[0]) < 0.96 * np.array(sizes[1])).all()
 
 
 @pytest.mark.parametrize("n_columns", [1, 3])

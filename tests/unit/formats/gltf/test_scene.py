@@ -169,8 +169,10 @@ def test_place_static_keeps_float64_detail_far_from_the_origin():
 
 
 def test_check_range_names_the_largest_coordinate():
-    with pytest.raises(InvalidInputError, match=r"stores float32.*got 1e\+39; scale"):
-        check_range(np.array([-1e39, 0, 0]), np.zeros(3))
+    check_range(np.array([-8.5e37, 0, 0]), np.array([8.5e37, 0, 0]))
+    for low, high in ((-8.6e37, 1), (-1, 8.6e37)):
+        with pytest.raises(InvalidInputError, match=r"up to 8.5e\+37; got 8.6e\+37; scale"):
+            check_range(np.array([0, low, 0]), np.array([1, high, 0]))
 
 
 INSTANCES = {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 0}}}

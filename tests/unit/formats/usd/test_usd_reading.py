@@ -454,6 +454,7 @@ def test_even_interval_tolerates_rounding_errors():
         ([0, 1, 2, 2.5], 0.5, [0, 0.5, 1, 1.5, 2, 2.5]),
         ([0, 1, 2, 3.3], 1, [0, 1, 2, 3.3]),
         ([2, 4, 6, 12], 1, [2, 4, 6, 8, 10, 12]),  # with a gap
+        ([0.25, 0.75, 1.75], 1, [0.25, 0.75, 1.75]),  # between the frames of the stage
     ],
 )
 def test_even_codes_are_all_or_the_main_samples_with_gaps_filled(samples, frame_interval, expected):

@@ -16,7 +16,7 @@ from samples.datasets import (
     surfaced_sequence,
 )
 from samples.meshes import assert_same_surface
-from samples.opening import count_runs, open_source
+from samples.opening import open_source
 
 h5py = pytest.importorskip("h5py")
 
@@ -186,36 +186,25 @@ def test_load_lists_the_blocks_of_a_collection(tmp_path):
     assert [part.name for part in load(path, merge=True).surface.parts] == ["/body", "/head"]
 
 
-def test_load_compares_faces_that_steps_store_separately(tmp_path):
-    sequence = surfaced_sequence(2, surface=Surface(COUNTS))
-    [path] = save(sequence, tmp_path / "a.vtkhdf")
-
-    def double(corners):
-        with h5py.File(path, "a") as file:
-            root = file["VTKHDF"]
-            for name, data in {
-                "Connectivity": np.concatenate([CORNERS, corners]),
-                "Offsets": np.tile(np.concatenate([[0], np.cumsum(COUNTS)]), 2),
-                "NumberOfCells": [4, 4],
-                "NumberOfConnectivityIds": [15, 15],
-            }.items():
-                del root["Polygons"][name]
-                root["Polygons"][name] = data
-            for name in ("Vertices", "Lines", "Strips"):
-                for key in ("NumberOfCells", "NumberOfConnectivityIds", "Offsets"):
-                    del root[name][key]
-                    root[name][key] = [0, 0]
-            del root["NumberOfPoints"], root["Steps/PartOffsets"]
-            del root["Steps/CellOffsets"], root["Steps/ConnectivityIdOffsets"]
-            root["NumberOfPoints"] = [11, 11]
-            root["Steps/PartOffsets"] = [0, 1]
-            root["Steps/CellOffsets"] = [[0] * 4, [0, 0, 4, 0]]
-            root["Steps/ConnectivityIdOffsets"] = [[0] * 4, [0, 0, 15, 0]]
-
-    double(CORNERS)
-    assert_same_positions(load(path), sequence)
-    double(CORNERS[::-1])
-    assert count_runs(path) == 2
+@pytest.mark.parametrize(
+    ("table", "values", "n_faces"),
+    [
+        ("PartOffsets", [0, 1], [2, 6]),
+        ("NumberOfParts", [1, 2], [2, 8]),
+        ("CellOffsets", [0, 1], [2, 4]),
+        ("ConnectivityIdOffsets", [0, 4], [2, 2]),
+    ],
+)
+def test_a_step_of_which_one_offset_differs_has_its_own_cells(tmp_path, table, values, n_faces):
+    points = np.random.default_rng(0).random((2, 8, 3))
+    corners = [0, 1, 2, 3, 1, 0, 3, 2, 0, 1, 3, 2]
+    path = store_grid(tmp_path / "a.vtkhdf", points, [9, 10, 9], [[4], [4, 4]], corners)
+    with h5py.File(path, "a") as file:
+        replaced("Offsets", np.arange(0, 20, 4))(file["VTKHDF"])
+        del file["VTKHDF/Steps/NumberOfParts"]
+        for name, data in {"NumberOfParts": [1, 1], table: values}.items():
+            file["VTKHDF/Steps"][name] = data
+    assert [len(segment.faces) for segment in load(path).segments] == n_faces
 
 
 EMPTY = ("Vertices", "Lines", "Strips")
@@ -266,7 +255,8 @@ def test_load_reads_partitions_that_share_cells_and_empty_groups(tmp_path, n_off
 
 def test_load_finds_the_cells_of_each_step(tmp_path):
     n_frames = 3
-    [path] = save(surfaced_sequence(n_frames, surface=Surface(COUNTS)), tmp_path / "a.vtkhdf")
+    sequence = surfaced_sequence(n_frames, surface=Surface(COUNTS))
+    [path] = save(sequence, tmp_path / "a.vtkhdf")
     split_into_partitions(path, n_frames)
     with h5py.File(path, "a") as file:
         root = file["VTKHDF"]
@@ -279,7 +269,8 @@ def test_load_finds_the_cells_of_each_step(tmp_path):
             starts[:, 2] = step * np.arange(n_frames)
             del root["Steps"][name]
             root["Steps"][name] = starts
-    assert load(path).n_faces == 2 * (COUNTS - 2).sum()
+    expected = np.concatenate([sequence.faces, sequence.faces + 11])
+    np.testing.assert_array_equal(load(path).faces, expected)
 
 
 def drop(*names):
