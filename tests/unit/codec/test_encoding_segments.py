@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 import meshreel
+from meshreel import Attribute, Surface
 from meshreel.codec.reel.encoding import segments, whole
 from meshreel.errors import InvalidInputError, MemoryLimitError
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.tracks import Track
 from meshreel.runtime.progress import Count
-from samples.meshes import quad_sheet, torus_faces, waving_grid
+from samples.materials import png
+from samples.meshes import assert_same_surface, quad_sheet, torus_faces, waving_grid
 
 GRID, SHEET = (one.replace(fps=25.0) for one in (waving_grid(12, 9, 8), quad_sheet(5)))
 SMALL = SHEET.replace(vertices=0.25 * SHEET.vertices)
@@ -186,6 +188,18 @@ def test_name_start_and_rate_are_those_of_the_sequence():
     data = meshreel.encode(meshreel.concatenate(parts)[3:])
     decoded = meshreel.decode(data)
     assert (decoded.name, decoded.fps, decoded.start_s) == ("a", 30.0, pytest.approx(2.1))
+
+
+def test_an_image_after_more_attributes_than_a_reference_counts_returns():
+    segments = []
+    for n in range(2):
+        values = np.full((256, 9, 1), n, np.float32) * np.arange(256, dtype="f4")[:, None, None]
+        many = [Attribute(f"{i}", "other", "vertex", one) for i, one in enumerate(values)]
+        surface = Surface(attributes=many, images=(png(),))
+        segments.append(waving_grid(1, 3, 3).replace(surface=surface))
+    decoded = meshreel.decode(meshreel.encode(meshreel.concatenate(segments), lossless=True))
+    for one, expected in zip(decoded.segments, segments, strict=True):
+        assert_same_surface(one.surface, expected.surface)
 
 
 def test_ranges_of_frames_are_decoded_across_segments(sequence):

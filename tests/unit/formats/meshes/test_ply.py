@@ -260,8 +260,8 @@ def test_incomplete_corner_uv_are_ignored(row):
 
 
 def test_error_names_the_line_of_a_color_out_of_range():
-    data = triangle([f"uchar {name}" for name in RGB], ["0 1 2 3", "0 1 2 300", "0 1 2 3"])
-    with pytest.raises(FormatError, match="line 14: expected uint8; got 300"):
+    data = triangle([f"uchar {name}" for name in RGB], ["0 1 2 255", "0 1 2 256", "0 1 2 3"])
+    with pytest.raises(FormatError, match="line 14: expected uint8; got 256"):
         read_ply(data)
 
 

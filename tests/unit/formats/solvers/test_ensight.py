@@ -217,10 +217,17 @@ def test_a_geometry_with_one_time_has_one_frame(tmp_path, notes):
 
 
 def test_variables_at_other_times_are_left_out_with_a_note(tmp_path, notes):
-    path = moving(tmp_path, "<", ["scalar per node: 2 heat h*"])
+    """Those of a time set with more times than the geometry are read at its times."""
+    flow = {f"f{i}": variable("<", (1, {"coordinates": np.full(5, i)})) for i in range(5)}
+    path = moving(
+        tmp_path, "<", ["scalar per node: 2 heat h*", "scalar per node: 3 flow f*"], **flow
+    )
     with path.open("a") as file:
         file.write("time set: 2\nnumber of steps: 2\nfilename numbers: 1 2\ntime values: 0.5 9\n")
-    assert not load(path, notes=notes).tracks
+        file.write("time set: 3\nnumber of steps: 5\nfilename numbers: 0 1 2 3 4\n")
+        file.write("time values: 0.25 0.5 0.6 0.75 1\n")
+    [(name, track)] = load(path, notes=notes).tracks.items()
+    assert (name, track.values[:, 0, 0].tolist()) == ("flow", [1, 3, 4])
     assert "left out: variables at other times than the geometry: heat" in notes
 
 

@@ -129,7 +129,7 @@ ROTATING = """double xformOp:rotateZ.timeSamples = { 0: 0, 6: 90 }
     ("header", "fps", "n_frames", "rate"),
     [
         ("", None, 7, 24.0),
-        ("timeCodesPerSecond = 60", None, 7, 60.0),
+        ("timeCodesPerSecond = 60\nframesPerSecond = 1e-4", None, 7, 60.0),
         ("timeCodesPerSecond = 60\nframesPerSecond = 30", None, 4, 30.0),
         ("timeCodesPerSecond = 240", None, 2, 40.0),
         ("", 12, 4, 12.0),

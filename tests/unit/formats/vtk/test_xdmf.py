@@ -417,6 +417,7 @@ def slab(*numbers):
 
 
 SELF = '<DataItem Reference="/Xdmf/Domain/Grid/Geometry/DataItem"/>'
+OF_FIRST = '<Topology Reference="XML">/Xdmf/Domain/Grid/Grid/Topology</Topology>'
 WITHIN = item(SELF + "<DataItem/>", ItemType="HyperSlab", Dimensions="1")
 
 
@@ -468,6 +469,10 @@ WITHIN = item(SELF + "<DataItem/>", ItemType="HyperSlab", Dimensions="1")
             "has a Time that is not finite",
         ),
         (temporal(step(POSITIONS[0], "x")), "has a Time that is not a number"),
+        (
+            temporal(step(POSITIONS[0], 0), step(POSITIONS[0, :6], 1, faces=OF_FIRST)),
+            r"uses vertex 6; indices must be in 0\.\.5",
+        ),
         (temporal(temporal(step(POSITIONS[0]))), "has a grid of type 'Collection' in a step"),
         (
             step(POSITIONS[0], faces=topology(kind="3DSMesh")),

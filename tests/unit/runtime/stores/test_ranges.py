@@ -182,10 +182,12 @@ def test_only_a_file_in_memory_is_limited_by_its_announced_size(web, reel, monke
         meshreel.decode(reel, memory="100kB")
     assert web.sent_bytes < MAX_SOCKET_BYTES
     meshreel.save(waving_grid(1, 100, 100), web.folder / "walk.obj")
-    assert meshreel.load(f"{web.address}/walk.obj", memory="100kB").n_verts == 10_000
-    usage = shutil.disk_usage(web.folder)._replace(free=1000)
+    usage, size_bytes = shutil.disk_usage(web.folder), (web.folder / "walk.obj").stat().st_size
+    usage = usage._replace(free=size_bytes)
     monkeypatch.setattr("shutil.disk_usage", lambda folder: usage)
-    with pytest.raises(meshreel.StoreError, match="has 575 kB; there is room for 1 kB"):
+    assert meshreel.load(f"{web.address}/walk.obj", memory="100kB").n_verts == 10_000
+    usage = usage._replace(free=size_bytes - 1)
+    with pytest.raises(meshreel.StoreError, match="has 575 kB; there is room for 575 kB"):
         meshreel.load(f"{web.address}/walk.obj")
 
 
