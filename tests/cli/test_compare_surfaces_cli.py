@@ -62,20 +62,6 @@ def test_compare_refuses_what_it_cannot_compare(files, words, message):
     assert_fails(done, message)
 
 
-@pytest.mark.slow
-def test_compare_measures_surfaces_of_files_whose_faces_change(files, tmp_path):
-    folder, stream = tmp_path / "frames", tmp_path / "a.reel"
-    sheets = [meshreel.load(path) for path in files[:2]]
-    for name, sheet in zip("ab", sheets, strict=True):
-        meshreel.save(sheet, folder / f"{name}_%d.ply")
-    stream.write_bytes(meshreel.encode(meshreel.load(folder, fps=25)))
-    figures = run_json("compare", folder, stream, "--samples", 400)
-    assert figures["reason"] == "the faces change over time"
-    assert 0 < figures["to_decoded"]["mean_percent"] < 0.1
-    with pytest.warns(UserWarning, match="6 frames in 2 segments"):
-        assert meshreel.compare(folder, stream, n_samples=400).reason == figures["reason"]
-
-
 def test_compare_measures_the_frames_that_are_named(files, tmp_path):
     sheet = meshreel.load(files[0])
     vertices = sheet.vertices.copy()

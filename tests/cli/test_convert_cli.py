@@ -100,9 +100,11 @@ def test_decode_notes_when_the_format_has_no_images(dressed, tmp_path):
 
 def test_info_lists_materials_and_images_of_a_stream(dressed):
     figures = run_json("info", dressed)
-    assert figures["images"][0].startswith("0: 'shade', image/png, ")
+    n_bytes = len(dressed_sheet().surface.images[0].data)
+    assert figures["images"][0] == f"0: 'shade', image/png, {n_bytes} bytes"
     assert figures["materials"][1] == "gr\u00fcn: base color image 1"
-    assert figures["budget_bytes"]["image"] > 200
+    assert figures["budget_bytes"]["image"] == figures["part_bytes"]["images"] > 200
+    assert figures["budget_bytes"]["material"] < 400
     shown = " ".join(run("info", dressed).stdout.split())
     assert "0: 'shade', image/png" in shown
 

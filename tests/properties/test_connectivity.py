@@ -61,6 +61,9 @@ def test_listed_and_walked_faces_decode_to_the_same_triangles(mesh, listed):
     faces, n_verts = mesh
     payload, internal_to_given, internal, _ = encode_faces(faces, n_verts, listed=listed)
     np.testing.assert_array_equal(decode_connectivity(payload, n_verts, len(faces)), internal)
+    if listed:
+        np.testing.assert_array_equal(internal, faces)
+        np.testing.assert_array_equal(internal_to_given, np.arange(n_verts))
     np.testing.assert_array_equal(
         sorted_triangles(internal_to_given[internal], n_verts), sorted_triangles(faces, n_verts)
     )

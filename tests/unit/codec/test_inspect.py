@@ -46,6 +46,7 @@ def test_sizes_state_geometry_and_images_apart():
     stored = sum(len(image.data) for image in sequence.surface.images)
     assert stored < figures.image_bytes < stored + 100
     assert figures.part_bytes["images"] == figures.image_bytes
+    assert sum(figures.part_bytes.values()) == sum(figures.budget_bytes.values())
     assert figures.raw_size_bytes == sequence.raw_size_bytes == plain.raw_size_bytes
     geometry = figures.size_bytes - figures.image_bytes
     assert figures.ratio == figures.raw_size_bytes / geometry

@@ -24,11 +24,6 @@ def test_sequence_round_trips():
     assert (decoded.fps, decoded.name) == (25.0, "grid")
 
 
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_number_type_round_trips(dtype):
-    assert decode(encode(waving_grid(dtype=dtype))).vertices.dtype == dtype
-
-
 def test_encoding_is_deterministic():
     assert encode(irregular_sequence()) == encode(irregular_sequence())
 
@@ -68,15 +63,6 @@ def test_error_is_invariant_to_translation_and_scale(offset, size):
     expected = kg_error_percent(here.vertices, decode(encode(here)).vertices)
     moved = kg_error_percent(there.vertices, decode(encode(there)).vertices)
     assert moved == pytest.approx(expected, rel=0.01)
-
-
-@pytest.mark.parametrize("block_frames", [1, 5, 12, 100])
-def test_separately_coded_blocks_are_joined(block_frames):
-    sequence = waving_grid(12)
-    data = encode(sequence, block_frames=block_frames)
-    assert sum(info(data).block_frames) == 12
-    assert len(info(data).block_frames) == -(-12 // block_frames)
-    assert kg_error_percent(sequence.vertices, decode(data).vertices) < DEFAULT_KG
 
 
 def test_number_of_modes_is_the_requested_one():

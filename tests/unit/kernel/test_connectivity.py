@@ -106,13 +106,9 @@ def with_original_numbers(faces, n_verts):
     return internal_to_given[internal], internal_to_given
 
 
-def test_traversal_of_a_simple_surface_takes_few_bytes(surface):
+def test_traversal_of_a_simple_surface_round_trips_in_few_bytes(surface):
     faces, n_verts, limit = surface
     assert len(encode_faces(faces, n_verts, listed=False)[0]) <= limit
-
-
-def test_traversal_of_a_simple_surface_round_trips(surface):
-    faces, n_verts, _ = surface
     decoded, internal_to_given = with_original_numbers(faces, n_verts)
     np.testing.assert_array_equal(
         sorted_triangles(decoded, n_verts), sorted_triangles(faces, n_verts)
@@ -139,14 +135,6 @@ def test_degenerate_faces_come_last():
     faces = np.array([[0, 0, 1], [0, 1, 2], [1, 4, 1], [1, 2, 0], [2, 1, 3]], np.int32)
     decoded, _ = with_original_numbers(faces, 5)
     assert decoded[3:].tolist() == [[0, 0, 1], [1, 4, 1]]
-
-
-def test_listed_faces_are_unchanged():
-    faces = np.random.default_rng(4).integers(0, 50, (300, 3)).astype(np.int32)
-    payload, internal_to_given, internal, _ = encode_faces(faces, 50, listed=True)
-    np.testing.assert_array_equal(internal, faces)
-    np.testing.assert_array_equal(internal_to_given, np.arange(50))
-    np.testing.assert_array_equal(decode_connectivity(payload, 50, 300), faces)
 
 
 def test_order_without_faces_is_the_given_one():

@@ -52,12 +52,6 @@ def test_unusual_fields_round_trip(fields, passes):
     np.testing.assert_array_equal(decode_fields(data, *fields.shape, passes=passes), fields)
 
 
-@pytest.mark.parametrize("shape", [(0, 0), (0, 4), (4, 0), (1, 1)])
-def test_tiny_fields_round_trip(shape):
-    data = encode_fields(np.zeros(shape, np.int8), None)
-    assert decode_fields(data, *shape, passes=None).shape == shape
-
-
 def test_empty_passes_do_not_change_the_bytes():
     fields = active_places(6, 500)
     order = line_passes(500)

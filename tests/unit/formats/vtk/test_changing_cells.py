@@ -110,17 +110,13 @@ WRITE = [write_frames, write_legacy_frames, write_collection, write_vtkhdf]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "write", [write_frames, write_legacy_frames, write_collection, write_vtkhdf]
-)
+@pytest.mark.parametrize("write", WRITE)
 def test_polygons_that_change_become_segments_with_their_arrays(tmp_path, write):
     source = write(tmp_path, [sheet(frame) for frame in range(len(ROWS))])
     assert_sheets(load(source, fps=1 / STEP_S))
 
 
-@pytest.mark.parametrize(
-    "write", [write_frames, write_legacy_frames, write_collection, write_vtkhdf]
-)
+@pytest.mark.parametrize("write", WRITE)
 def test_solid_cells_that_change_become_segments(tmp_path, write, notes):
     source = write(tmp_path, [stack(frame) for frame in range(len(N_LAYERS))])
     loaded = load(source, fps=1 / STEP_S, notes=notes)
