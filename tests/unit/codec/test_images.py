@@ -103,7 +103,7 @@ def test_quality_and_size_follow_the_option():
         (jpeg(), "Pillow cannot read them"),
         (Image("gpu", "image/ktx2", b"KTX 20"), "image/ktx2"),
         (file_of(COLORS[..., 0].astype(np.uint16), "deep"), "16 bits per channel"),
-        (file_of(COLORS[..., :3], "old", "webp", quality=5), "would not make them smaller"),
+        (file_of(COLORS[..., :3], "old", "webp", quality=80), "would not make them smaller"),
         (file_of(COLORS[..., :3], "turned", exif=TURNED), "turned by EXIF"),
         (file_of(Pillow.fromarray(COLORS[..., :3]).convert("CMYK"), "ink", "jpeg"), "type CMYK"),
     ],

@@ -226,6 +226,11 @@ def test_extent_is_the_box_of_all_segments():
     assert extent.mean_diagonal == pytest.approx(mean)
 
 
+def test_number_type_is_the_finest_of_all_segments():
+    fine = SHEET.replace(vertices=SHEET.vertices.astype(np.float64))
+    assert {concatenate(pair).dtype for pair in ([GRID, fine], [fine, GRID])} == {fine.dtype}
+
+
 def test_segments_need_one_frame_rate():
     with pytest.raises(InvalidInputError, match="24 and 25 frames per second"):
         concatenate([GRID, SHEET.replace(fps=24.0, start_s=0.0)])

@@ -1,3 +1,5 @@
+from io import BytesIO
+
 import numpy as np
 import pytest
 
@@ -107,9 +109,14 @@ def test_live_encoder_quantizes_coordinates():
     np.testing.assert_array_equal(result.values, np.rint(given * 1024) / 1024)
 
 
-def test_live_encoder_refuses_bits_without_coordinates():
+def test_live_encoder_refuses_bits_without_coordinates_or_for_later_ones_that_are_too_far():
     with pytest.raises(InvalidInputError, match="no texture coordinates"):
         recorded(waving_grid(), uv_bits=10)
+    near, far = (grid_with_uvs(1000.0**power * random_uvs()) for power in range(2))
+    with meshreel.Encoder(near.faces, BytesIO(), surface=near.surface, uv_bits=24) as encoder:
+        encoder.push(near.vertices[0])
+        with pytest.raises(InvalidInputError, match="24 bits reach to 32"):
+            encoder.push(far.vertices[0], faces=far.faces[::-1], surface=far.surface)
 
 
 def test_encode_keeps_only_selected_attributes():

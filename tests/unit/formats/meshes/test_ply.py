@@ -265,9 +265,10 @@ def test_error_names_the_line_of_a_color_out_of_range():
         read_ply(data)
 
 
-def test_indexed_values_are_expanded(tmp_path):
+def test_indexed_values_are_expanded_and_colors_of_corners_left_out(tmp_path):
     color = attribute(Kind.COLOR, "vertex", 3, np.uint8, rows=3)
-    (path,) = save(rich_cube(1, attributes=[color]), tmp_path / "f.ply")
+    paint = attribute(Kind.COLOR, "corner", 3, np.uint8)
+    (path,) = save(rich_cube(1, attributes=[paint, color]), tmp_path / "f.ply")
     (result,) = load(path).surface.attributes
     np.testing.assert_array_equal(result.values, color.per_item(), strict=True)
 

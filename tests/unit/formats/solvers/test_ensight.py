@@ -294,6 +294,14 @@ def test_files_outside_the_folder_need_permission(tmp_path):
         (case("1 g*", times=[0], more="time set: x\n"), "bad number"),
         (case("1 g*", times=["a"]), "bad number"),
         (case("1 g*", times=[0], more="number of steps: 4\n"), "has 1 times in time set 1"),
+        (
+            case(
+                "2 g*",
+                more="TIME\ntime set: 2\nnumber of steps: 3\nfilename numbers: 1 2\n"
+                "time values: 0 1 2\n",
+            ),
+            "has 2 file numbers for the 3 times",
+        ),
     ],
 )
 def test_unsupported_cases_are_named(tmp_path, text, words):

@@ -203,7 +203,7 @@ def test_flat_and_static_sequences_are_played(tmp_path, layout, textures):
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_node_moves_a_centered_mesh_far_from_the_origin(tmp_path, layout):
-    sequence = strip(40, 5, shift=np.array([1e6, -2e6, 3e5]), dtype=np.float64)
+    sequence = strip(40, 5, shift=np.array([1, -2e6, 3]), dtype=np.float64)
     notes = saved(sequence, tmp_path / "a.vat", layout=layout, max_error=0.05)
     assert any("centered at the origin" in note for note in notes)
     player = PLAYERS[layout](tmp_path / "a.vat")
