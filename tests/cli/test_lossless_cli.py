@@ -1,8 +1,5 @@
 """`--lossless` on the command line."""
 
-import shutil
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -69,14 +66,6 @@ def test_info_shows_a_lossless_stream():
     assert "method lossless" in output
     assert "lossless: positions are equal bit for bit" in output
     assert "heat: scalar of each vertex, float32 in K, exact" in output
-
-
-@pytest.mark.slow
-def test_batch_encodes_losslessly():
-    Path("in").mkdir()
-    shutil.copy("walk.npz", "in")
-    run_ok("batch", "in", "out", "--lossless", "--workers", "1")
-    assert_same_positions(meshreel.decode("out/walk.reel"))
 
 
 @pytest.mark.parametrize(

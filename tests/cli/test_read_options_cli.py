@@ -48,19 +48,28 @@ def test_compare_export_and_render_skip_the_bad_mesh_with_skip_bad(half_bad, tmp
 @pytest.mark.slow
 def test_batch_skips_the_bad_mesh_with_skip_bad(half_bad, tmp_path):
     meshreel.save(waving_grid(2), half_bad.parent / "plain.npz")
-    done = run_json("batch", half_bad.parent, tmp_path / "out", "--skip-bad", "--workers", "1")
+    move_outside(half_bad)
+    words = "batch", half_bad.parent, tmp_path / "out", "--skip-bad", "--workers", "1"
+    assert_fails(run(*words), "outside its folder")
+    done = run_json(*words, "--allow-outside")
     assert (done["encoded"], done["failed"]) == (2, 0)
 
 
-@pytest.mark.parametrize("command", ["encode", "convert"])
-def test_command_reads_an_outside_layer_with_allow_outside(half_bad, tmp_path, command):
-    (tmp_path / "layer.usda").write_text(half_bad.read_text())
-    half_bad.write_text("#usda 1.0\n(\nsubLayers = [@../layer.usda@]\n)\n")
-    out = tmp_path / ("out.reel" if command == "encode" else "out.npz")
-    arguments = (command, half_bad, "-o", out, "--object", "good")
+def move_outside(path):
+    """Move the contents of a file to a layer outside its folder."""
+    (path.parents[1] / "layer.usda").write_text(path.read_text())
+    path.write_text("#usda 1.0\n(\nsubLayers = [@../layer.usda@]\n)\n")
+
+
+@pytest.mark.parametrize(
+    ("command", "output"), [("encode", "a.reel"), ("convert", "a.npz"), ("render", "a.png")]
+)
+def test_command_reads_an_outside_layer_with_allow_outside(half_bad, tmp_path, command, output):
+    move_outside(half_bad)
+    arguments = (command, half_bad, "-o", tmp_path / output, "--object", "good")
     assert_fails(run(*arguments), "outside its folder", "--allow-outside")
     run_json(*arguments, "--allow-outside")
-    assert meshreel.load(out).n_verts == 3
+    assert command == "render" or meshreel.load(tmp_path / output).n_verts == 3
 
 
 @pytest.mark.parametrize(
