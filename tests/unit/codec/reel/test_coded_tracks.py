@@ -279,6 +279,16 @@ def test_live_values_far_from_those_of_the_first_block_keep_their_bound(dtype):
     assert np.abs(result["plies"].values[..., 0].astype("f8") - plies).max() <= 1e-4
 
 
+def test_constant_components_do_not_refine_the_grid_of_a_vector():
+    moving = waving_grid(60)
+    z = np.random.default_rng(2).normal(size=(60, moving.n_verts)).cumsum(axis=0)
+    sizes_bytes = []
+    for values in (z[..., None], np.stack([0 * z, 0 * z + 7, z], axis=-1)):
+        data = meshreel.encode(moving.replace(tracks={"a": values}), bound=0.1)
+        sizes_bytes.append(meshreel.info(data).tracks[0].size_bytes)
+    assert sizes_bytes[1] < 1.02 * sizes_bytes[0]
+
+
 def test_tracks_do_not_change_the_frames():
     moving = waving_grid(12)
     heat = smooth(moving.n_verts, 1)

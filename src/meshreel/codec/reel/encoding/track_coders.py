@@ -141,6 +141,8 @@ class TrackCoder(_Coder):
     rounding: float
     """Rounding error of the number type that is reserved, in units of the track."""
     points: ItemPoints
+    n_varying: int
+    """Number of columns that are not constant."""
     nugget: int | None = None
     """Code of the nugget if the initial weights follow from points, else None."""
     grid: PositionGrid | None = None
@@ -312,7 +314,9 @@ class TrackCoder(_Coder):
     @property
     def on_grid(self) -> "TrackCoder | None":
         """A coder of values on the coarsest grid within the bound; None if that is too fine."""
-        n_joint = 1 if self.coder.each_column else self.header.n_coded
+        # Of residuals of a prediction, all columns vary.
+        n_joint = self.header.n_coded if self.header.coding.is_predicted else self.n_varying
+        n_joint = 1 if self.coder.each_column else max(1, n_joint)
         step = float(np.float32(self.single_step * (1.0 - ROUNDING_SLACK) / math.sqrt(n_joint)))
         if step < 1.0 / MAX_COORDINATE:
             return None
@@ -392,7 +396,8 @@ def track_coder(
         return exact_coder(name, track, mesh)
     low, high = map(np.nan_to_num, value_range(track))  # NaN without any value
     frame = stored_frame(Extent(low, high, 0.0))
-    allowed = length_allowed(bound, frame.scale if (high > low).any() else 0.0)
+    n_varying = int(np.count_nonzero(high > low))
+    allowed = length_allowed(bound, frame.scale if n_varying else 0.0)
     share = allowed / frame.scale
     rounding = largest_rounding(float(low.min()), float(high.max()), track.dtype, frame)
     if share <= rounding + FLOOR:
@@ -427,6 +432,7 @@ def track_coder(
         coder,
         rounding * frame.scale,
         _points_of(track, mesh),
+        n_varying,
         keeps_vertex_order=mesh.keeps_vertex_order,
     )
 
