@@ -248,9 +248,11 @@ def read_meshes(path: Path, reading: Reading) -> list[SceneMesh]:
     nodes = list(walk_hierarchy(Archive(path)))
     meshes = [node for node in nodes if node.object.schema in (POLYGONS, SUBDIVISION)]
     if not meshes:
-        raise FormatError(
-            f"contains no mesh, only {describe_contents(nodes)}; export polygon meshes into it"
-        )
+        schemas = (node.object.schema for node in nodes)
+        counts = Counter(OTHER_SCHEMAS[schema] for schema in schemas if schema in OTHER_SCHEMAS)
+        contents = ", ".join(f"{noun} ({count})" for noun, count in sorted(counts.items()))
+        contents = contents or ("transforms" if nodes else "no objects")
+        raise FormatError(f"contains no mesh, only {contents}; export polygon meshes into it")
     _note_other_objects(nodes, meshes, reading.notes)
     normals = NormalNotes(reading.notes)
 
@@ -383,12 +385,10 @@ class _AnimatedMesh:
         return quantity_tracks(path, quantities, times, sizes, rows, self._world, notes, MISFITS)
 
     def _world(self, time_s: float) -> Floats:
-        return (
-            world_matrix(self._node.chain, time_s) if self._transform_times else self._static_world
-        )
+        return world_matrix(self._node.chain, time_s) if self._transform_times else self._static
 
     @cached_property
-    def _static_world(self) -> Floats:
+    def _static(self) -> Floats:
         """The world matrix if no transform is animated."""
         return world_matrix(self._node.chain, float(self._times_s[0]))
 
@@ -471,14 +471,6 @@ def walk_hierarchy(archive: Archive) -> Iterator[Node]:
         yield (node := Node(path, source, parent))
         above = ancestors | {source.reference}
         stack += [(child, node, above) for child in source.children[::-1]]
-
-
-def describe_contents(nodes: Sequence[Node]) -> str:
-    """Return the contents of a file without meshes in words: "cameras (2), curves (1)"."""
-    schemas = (node.object.schema for node in nodes)
-    counts = Counter(OTHER_SCHEMAS[schema] for schema in schemas if schema in OTHER_SCHEMAS)
-    contents = [f"{noun} ({count})" for noun, count in sorted(counts.items())]
-    return ", ".join(contents) or ("transforms" if nodes else "no objects")
 
 
 def _source(archive: Archive, instance: AbcObject, path: str) -> AbcObject:

@@ -263,12 +263,6 @@ def _as_value_type(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
     return values.astype(np.int32)
 
 
-def _exceeds_int32(values: npt.NDArray[Any]) -> bool:
-    limits = np.iinfo(np.int32)
-    is_empty = values.dtype.kind not in "iu" or values.size == 0
-    return not is_empty and bool(values.min() < limits.min or values.max() > limits.max)
-
-
 def _is_track(array: DataArray, field: Field) -> bool:
     """Whether an array is a track even if it never changes.
 
@@ -278,7 +272,10 @@ def _is_track(array: DataArray, field: Field) -> bool:
     if array.is_track or array.is_attribute or field.role == NORMALS:
         return array.is_track
     if field.dtype.kind in "iu":
-        return field.dtype.itemsize >= 4 and _exceeds_int32(array.read())
+        if field.dtype.itemsize < 4 or not (values := array.read()).size:
+            return False
+        limits = np.iinfo(np.int32)
+        return bool(values.min() < limits.min or values.max() > limits.max)
     is_other = attribute_kind(array.name, field, field.dtype) is Kind.OTHER
     return field.dtype.kind == "f" and is_other
 

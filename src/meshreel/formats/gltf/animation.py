@@ -229,7 +229,7 @@ class Clips:
             try:
                 channel = _read_channel(each, samplers)
                 node, path, sampler = channel.node, channel.path, channel.sampler
-                if channel.input not in inputs:
+                if channel.input not in inputs:  # errors too, so that each is read once
                     inputs[channel.input] = _read_keys(sampler, document)
                 if isinstance(keys_s := inputs[channel.input], FormatError):
                     raise keys_s
@@ -359,7 +359,9 @@ def sample_times(keys_s: Floats, fps: float, *, is_curved: bool, notes: Notes) -
     if abs(first_frame - round(first_frame)) <= tolerance:
         first_frame = round(first_frame)
     times: Floats = (first_frame + np.arange(n_frames, dtype=np.float64)) / fps
-    curve_times = _snap_to_keys(times, keys_s, tolerance / fps)
+    # At the last key within the tolerance, since steps take effect at their key.
+    last = keys_s[np.maximum(np.searchsorted(keys_s, times + tolerance / fps, "right") - 1, 0)]
+    curve_times = np.where(np.abs(last - times) <= tolerance / fps, last, times)
     curve_times[-1] = end
     return Sampling(times, curve_times, fps)
 
@@ -380,14 +382,11 @@ def common_rate(keys_s: Floats) -> float:
             return 0.0
         fps = rounded_rate(n_intervals / span, 2 * _rounding(distinct) / span)
         is_full = n_intervals + 1 == len(distinct)
-        if (is_full or fps <= MAX_SPARSE_FPS) and _is_on_grid(distinct, fps):
+        frames, rounding = (distinct - distinct[0]) * fps, 2 * _rounding(distinct) * fps
+        is_on_grid = np.abs(frames - np.round(frames)).max() <= max(10 * TOLERANCE, rounding)
+        if (is_full or fps <= MAX_SPARSE_FPS) and is_on_grid:
             return fps
     return 0.0
-
-
-def _is_on_grid(keys_s: Floats, fps: float) -> bool:
-    frames, tolerance = (keys_s - keys_s[0]) * fps, max(10 * TOLERANCE, 2 * _rounding(keys_s) * fps)
-    return bool(np.abs(frames - np.round(frames)).max() <= tolerance)
 
 
 def _rounding(keys_s: Floats) -> float:
@@ -431,10 +430,3 @@ def _count_frames(span_s: float, fps: float, rounding_s: float, notes: Notes) ->
         f"second; the last frame, {n_covering / fps:.6g} s after the first, shows its final pose"
     )
     return n_covering + 1
-
-
-def _snap_to_keys(times_s: Floats, keys_s: Floats, tolerance_s: float) -> Floats:
-    """Return the times, moved to the last key within the tolerance."""
-    # The last one, since steps take effect at their key.
-    last = keys_s[np.maximum(np.searchsorted(keys_s, times_s + tolerance_s, "right") - 1, 0)]
-    return np.where(np.abs(last - times_s) <= tolerance_s, last, times_s)

@@ -1,5 +1,6 @@
 """Reading meshes of a glTF file: primitives, joined and welded at seams, and joint influences."""
 
+import itertools
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -98,17 +99,13 @@ class GeometryReader:
             surface = replace(geometry.surface, materials=look, images=images)
             geometry = replace(geometry, surface=surface)
         if geometry.n_split > len(geometry.positions):
-            self._note_welds(geometry)
+            self._n_split += geometry.n_split
+            self._n_welded += len(geometry.positions)
+            n_split = counted(self._n_split, "vertex")
+            self._notes.discard(WELDED)  # one note counts the vertices of all meshes so far
+            text = f"welded {n_split}, split at seams, to {self._n_welded}"
+            self._notes.changed(WELDED, text)
         return geometry
-
-    def _note_welds(self, geometry: Geometry) -> None:
-        """Note the number of welded vertices of all meshes so far."""
-        self._n_split += geometry.n_split
-        self._n_welded += len(geometry.positions)
-        n_split = counted(self._n_split, "vertex")
-        text = f"welded {n_split}, split at seams, to {self._n_welded}"
-        self._notes.discard(WELDED)
-        self._notes.changed(WELDED, text)
 
 
 def accessor_types(name: str) -> tuple[str, ...]:
@@ -136,7 +133,15 @@ def read_geometry(mesh: Mesh, document: Document, labels: Sequence[str], notes: 
     blocks, triangles, materials = _read_primitives(mesh, document)
     positions = np.concatenate([block.positions for block in blocks])
     displacements = [
-        _join_displacements(blocks, number) for number in range(len(blocks[0].displacements))
+        np.concatenate(
+            [
+                np.zeros_like(block.positions, np.float32) if field is None else field
+                for block, field in zip(blocks, fields, strict=True)
+            ]
+        )
+        if any(field is not None for field in fields)
+        else None
+        for fields in zip(*(block.displacements for block in blocks), strict=True)
     ]
     influences = _read_influences(blocks, mesh.json.place) if "JOINTS_0" in mesh.names else None
     influence_arrays = [] if influences is None else [influences.joints, influences.weights]
@@ -176,7 +181,13 @@ def _read_primitives(
         for target in primitive.targets[:n_targets] if "NORMAL" in attributes else ():
             target.get("NORMAL")  # those of each frame follow from its positions
         if key not in blocks:
-            values = document.read_named(primitive.attributes, kinds, decoded, count=count)
+            values = {
+                name: decoded[name]
+                if name in decoded
+                else document.read(primitive.attributes, name, *kinds[name], count=count)
+                for name in attributes
+                if name in kinds
+            }
             positions = values.pop("POSITION").floats()
             displacements = document.read_each(
                 primitive.targets[:n_targets], "POSITION", "VEC3", count=count
@@ -228,23 +239,20 @@ def assemble_triangles(corners: npt.NDArray[np.int64], mode: int) -> npt.NDArray
     return corners[np.stack([number, number + 1 + odd, number + 2 - odd], axis=1)]
 
 
-def _join_displacements(blocks: Sequence[Block], target: int) -> npt.NDArray[Any] | None:
-    """Return the concatenated displacements of all blocks by a morph target, or None."""
-    if all(block.displacements[target] is None for block in blocks):
-        return None
-    fields = [(block.displacements[target], len(block.positions)) for block in blocks]
-    return np.concatenate(
-        [np.zeros((count, 3), np.float32) if field is None else field for field, count in fields]
-    )
-
-
 def _read_influences(blocks: Sequence[Block], place: str) -> Influences | None:
     """Return the influences on the concatenated vertices of all blocks, or None without joints.
 
     Weights are normalized; a vertex without weights follows its first joint, as in other programs.
     FBX2glTF writes NaN as the weights of such a vertex.
     """
-    counts = [_count_joint_sets(block) for block in blocks]
+    counts = [
+        next(
+            n
+            for n in itertools.count()
+            if not {f"JOINTS_{n}", f"WEIGHTS_{n}"} <= block.values.keys()
+        )
+        for block in blocks
+    ]
     if not any(counts):
         return None
     if 0 in counts:
@@ -252,9 +260,9 @@ def _read_influences(blocks: Sequence[Block], place: str) -> Influences | None:
     n_verts = sum(len(block.positions) for block in blocks)
     joints, weights = np.zeros((2, n_verts, 4 * max(counts)))
     start = 0
-    for block, count in zip(blocks, counts, strict=True):
+    for block, n_sets in zip(blocks, counts, strict=True):
         rows = slice(start, start := start + len(block.positions))
-        for number in range(count):
+        for number in range(n_sets):
             columns = slice(4 * number, 4 * number + 4)
             set_joints = block.values[f"JOINTS_{number}"].array
             if set_joints.dtype.kind != "u":
@@ -269,13 +277,6 @@ def _read_influences(blocks: Sequence[Block], place: str) -> Influences | None:
     weights /= weights.max(axis=1, keepdims=True)  # first, since sums of huge weights overflow
     weights /= weights.sum(axis=1, keepdims=True)
     return Influences(np.where(weights > 0, joints, 0).astype(np.int64), weights)
-
-
-def _count_joint_sets(block: Block) -> int:
-    number = 0
-    while {f"JOINTS_{number}", f"WEIGHTS_{number}"} <= block.values.keys():
-        number += 1
-    return number
 
 
 def _find_hard_edges(

@@ -1,7 +1,7 @@
 """Reading glTF: every node with a mesh, animated in world space."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cache, partial
 from pathlib import Path
 
@@ -66,7 +66,11 @@ def read_meshes(path: Path, reading: Reading) -> list[SceneMesh]:
         raise no_mesh_error(document, nodes)
     moving = _moving_nodes(shown, nodes)
     clip = Clips(document, moving).select(reading.animation, notes)
-    motion, sampling = _motion_of(clip, moving, nodes, reading)
+    motion, sampling = Motion(nodes, {}, moving["translation"]), STATIC
+    if clip is not None:
+        motion = Motion(nodes, clip.curves, moving["translation"])
+        fps = validate_fps(reading.fps or 0.0)
+        sampling = sample_times(clip.keys_s, fps, is_curved=clip.is_curved, notes=notes)
     _note_left_out(document, nodes, shown, clip, notes)
     default_names = [mesh.mesh.json.text("name", "") for mesh in shown]
     mesh_nodes = [mesh.node for mesh in shown]
@@ -77,7 +81,9 @@ def read_meshes(path: Path, reading: Reading) -> list[SceneMesh]:
     note = partial(note_unread, document, nodes, shown, notes)
     meshes = []
     for name, mesh in zip(names, shown, strict=True):
-        times = sampling if _is_animated(mesh, motion) else sampling.first
+        is_moved = not motion.animated.isdisjoint(mesh.carriers)
+        is_animated = is_moved or (mesh.node, "weights") in motion.curves
+        times = sampling if is_animated else sampling.first
         node = nodes.objects[mesh.node]
         posed = PosedMesh(mesh, motion, times.curve_times_s, node, reader.read)
         scene_mesh = SceneMesh(
@@ -113,29 +119,12 @@ def list_animations(path: Path, reading: Reading) -> list[AnimationInfo]:
     return Clips(document, _moving_nodes(shown, nodes)).describe()
 
 
-def _motion_of(
-    clip: Clip | None, moving: Mapping[str, set[int]], nodes: Nodes, reading: Reading
-) -> tuple[Motion, Sampling]:
-    """Return the motion of nodes with meshes, and the sampling of frames."""
-    carriers = moving["translation"]
-    if clip is None:
-        return Motion(nodes, {}, carriers), STATIC
-    fps = validate_fps(reading.fps or 0.0)
-    sampling = sample_times(clip.keys_s, fps, is_curved=clip.is_curved, notes=reading.notes)
-    return Motion(nodes, clip.curves, carriers), sampling
-
-
 def _moving_nodes(shown: Sequence[ShownMesh], nodes: Nodes) -> dict[str, set[int]]:
     """Return, by animated property, the nodes where it moves, shows or hides a mesh."""
     mesh_nodes = {mesh.node for mesh in shown}
     above_carriers = set(nodes.with_ancestors({node for mesh in shown for node in mesh.carriers}))
     nodes_of_path = {"weights": mesh_nodes, VISIBLE: set(nodes.with_ancestors(mesh_nodes))}
     return dict.fromkeys(PATHS, above_carriers) | nodes_of_path
-
-
-def _is_animated(mesh: ShownMesh, motion: Motion) -> bool:
-    is_moved = not motion.animated.isdisjoint(mesh.carriers)
-    return is_moved or (mesh.node, "weights") in motion.curves
 
 
 def _note_left_out(

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from meshreel.arrays import Bytes, Floats
 from meshreel.codec.error_bounds import bound_of
 from meshreel.errors import InvalidInputError, Keyword, Message
-from meshreel.formats.error_budget import ErrorBudget, requested_budget
+from meshreel.formats.error_budget import requested_budget
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import share_materials
 from meshreel.formats.gltf.container import (
@@ -29,7 +29,6 @@ from meshreel.formats.gltf.mesh_writer import (
     MorphMesh,
     SceneWriter,
     ShadingMesh,
-    StoredValues,
     add_attributes,
     describe_losses,
     fit_part,
@@ -72,10 +71,9 @@ def write_morphs(path: Path, stream: SegmentedStream, options: WriteOptions) -> 
     _check_bound(options)
     notes = stream.notes
 
-    def note_losses(mesh: FrameStream) -> None:
-        notes.add_all(describe_losses(mesh.surface, len(mesh.faces)))
-
-    shared_stream, _ = share_materials(stream, note_losses)
+    shared_stream, _ = share_materials(
+        stream, lambda mesh: notes.add_all(describe_losses(mesh.surface, len(mesh.faces)))
+    )
     times_s = frame_times(stream)
     segments: Iterable[MeshSequence]
     if stream.n_segments == 1:
@@ -95,7 +93,9 @@ def write_morphs(path: Path, stream: SegmentedStream, options: WriteOptions) -> 
     document = scene.document()
     scene.note_isolated()
     errors = np.concatenate(scene.errors)
-    error = _describe_error(errors, budget)
+    percent, frame = budget.percent(float(errors.max())), int(errors.argmax())
+    added = "" if budget.origin is None else " added"
+    error = f"the largest error{added} is {percent:.4f} % of the diagonal, in frame {frame},"
     n_targets = sorted(len(mesh.morphs.targets) for mesh in scene.morph_meshes if mesh.morphs)
     if budget.max_added and n_targets and errors.max() > budget.max_added:
         remaining = budget.percent(budget.max_added)
@@ -158,12 +158,6 @@ def _box(stream: SegmentedStream) -> tuple[Floats, Floats]:
     for frame in stream.frames():
         low, high = np.minimum(low, frame.min(axis=0)), np.maximum(high, frame.max(axis=0))
     return low, high
-
-
-def _describe_error(errors: npt.NDArray[np.floating], budget: ErrorBudget) -> str:
-    percent, frame = budget.percent(float(errors.max())), int(errors.argmax())
-    added = "" if budget.origin is None else " added"
-    return f"the largest error{added} is {percent:.4f} % of the diagonal, in frame {frame},"
 
 
 def _note_normals(notes: Notes, scene: "_MorphScene", options: WriteOptions) -> None:
@@ -341,7 +335,8 @@ def write_rigged(
     if (size_bytes := document_bytes(document, scene.buffer)) >= limit_bytes:
         return size_bytes
     size = write_document(path, document, scene.buffer, "allow larger errors (max_error)")
-    sizes = scene.sizes_in_file(size.stored)
+    sizes = {**scene.sizes, "description": size.stored - sum(scene.sizes.values())}
+    sizes = {name: size_bytes for name, size_bytes in sizes.items() if size_bytes}
     sizes_text = ", ".join(f"{name} {size / 1e3:.0f}" for name, size in sizes.items())
     stream.report({"sizes_bytes": sizes}, f"{size_text(size.stored)}: {sizes_text} kB")
     scene.note_form(size)
@@ -385,11 +380,6 @@ class _RiggedScene(SceneWriter):
         document = self.assemble(self._materials)
         return document | {"skins": [{"inverseBindMatrices": binds, "joints": bones}]}
 
-    def sizes_in_file(self, size_bytes: int) -> dict[str, int]:
-        """Return the bytes of the file by purpose."""
-        sizes = {**self.sizes, "description": size_bytes - sum(self.sizes.values())}
-        return {name: size for name, size in sizes.items() if size}
-
     def _count(self, purpose: str) -> None:
         """Count the bytes since the last count for a purpose."""
         new_bytes = self.buffer.size_bytes - sum(self.sizes.values())
@@ -412,7 +402,8 @@ class _RiggedScene(SceneWriter):
         joints, weights = align_influences(rig.joints[sources], rig.weights[sources])
         base |= add_attributes({JOINTS: joints, "WEIGHTS_0": weights}, buffer)
         self._count("weights")
-        targets = self._add_targets(sources)
+        moved = [target[sources] for target in rig.correctives.targets]
+        targets = [{"POSITION": each} for each in buffer.add_vertices(moved)] if moved else []
         self._count("correctives")
         first_weights = rig.correctives.weights[0] if rig.n_targets else None
         path = path_of(part.name)
@@ -422,13 +413,6 @@ class _RiggedScene(SceneWriter):
             mesh_json(path[-1], split, base, targets, first_weights, buffer, self._materials)
         )
         self._count("mesh")
-
-    def _add_targets(self, sources: npt.NDArray[np.int64]) -> list[StoredValues]:
-        targets = self._rig.correctives.targets
-        if not len(targets):
-            return []
-        displacements = self.buffer.add_vertices([target[sources] for target in targets])
-        return [{"POSITION": values} for values in displacements]
 
     def _add_bones(self) -> list[int]:
         """Add the nodes of the bones below one at the origin of the rig; return their indices."""

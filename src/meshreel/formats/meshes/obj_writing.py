@@ -69,7 +69,11 @@ def obj_encoder(stream: FrameStream) -> Encode:
     static_colors = None if colors is None else _color_rows(colors.per_item())
 
     def encode(vertices: Vertices, values: Mapping[str, Values]) -> bytes:
-        track_values = {kind: _file_values(values[name]) for kind, name in written_tracks.items()}
+        rows = ((kind, values[name]) for kind, name in written_tracks.items())
+        track_values = {  # colors are in 0..1
+            kind: (each / 255 if each.dtype == np.uint8 else each).astype(np.float32)
+            for kind, each in rows
+        }
         suffixes = (
             _color_rows(track_values[TrackKind.COLOR])
             if TrackKind.COLOR in track_values
@@ -90,11 +94,6 @@ def obj_encoder(stream: FrameStream) -> Encode:
         return b"".join(pieces)
 
     return encode
-
-
-def _file_values(values: Values) -> Values:
-    """Return the values of a track in a frame as the file stores them: colors in 0..1."""
-    return (values / 255 if values.dtype == np.uint8 else values).astype(np.float32)
 
 
 def _lines(word: str, values: Values) -> str:

@@ -129,7 +129,8 @@ def off_encoder(stream: FrameStream) -> Encode:
     uv = first_attribute(surface, Kind.UV, {Domain.VERTEX}, {2}, "f")
     note_unwritten(surface, (colors, uv, face_colors), ".off", stream.notes)
     keyword = f"{'ST' if uv else ''}{'C' if colors else ''}OFF"
-    suffixes = _join_columns([number_rows(column.per_item()) for column in (colors, uv) if column])
+    columns = [number_rows(column.per_item()) for column in (colors, uv) if column]
+    suffixes = [" ".join(words) for words in zip(*columns, strict=True)] if columns else None
     face_lines = _face_lines(stream.faces, surface, face_colors)
     face_text = "".join(face_lines).encode("ascii")
 
@@ -146,10 +147,6 @@ def _face_lines(faces: Faces, surface: Surface, colors: Attribute | None) -> lis
     ends = [f" {row}\n" for row in number_rows(colors.per_item())] if colors else ["\n"] * len(rows)
     pieces = zip(counts.tolist(), rows, ends, strict=True)
     return [f"{count} {row}{end}" for count, row, end in pieces]
-
-
-def _join_columns(columns: list[list[str]]) -> list[str] | None:
-    return [" ".join(words) for words in zip(*columns, strict=True)] if columns else None
 
 
 def _colors(

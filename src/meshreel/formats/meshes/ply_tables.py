@@ -64,10 +64,6 @@ class PlyBody:
         with np.errstate(over="ignore"):
             return array.astype(declared)
 
-    def integer_at(self, offset: int, declared: str) -> int:
-        """Return the integer at a byte offset; raises as `take`."""
-        return int(self.take(np.array([offset]), declared)[0])
-
 
 def _stride(offsets: Integers) -> int:
     """Common distance of consecutive offsets; 0 if it varies or there are fewer than two."""
@@ -193,7 +189,7 @@ def _walk_row(element: PlyElement, body: PlyBody, start: int) -> tuple[dict[str,
         length = 1
         if column.count_code:
             _check_fits(element, offset + body.width(column.count_code) - start, n_left)
-            length = body.integer_at(offset, column.count_code)
+            length = int(body.take(np.array([offset]), column.count_code)[0])
             offset += body.width(column.count_code)
         if length < 0:
             raise FormatError(f"element {element.name!r} has a list of {length} values")

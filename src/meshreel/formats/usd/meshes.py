@@ -421,15 +421,11 @@ class StageMesh:
     def _start(self) -> float:
         return float(self.samples.all[0]) if len(self.samples.all) else 0.0
 
-    @cached_property
-    def _is_reversed(self) -> bool:
-        """Whether corners must be reversed to be counterclockwise in world space."""
-        is_clockwise = self.prim.GetAttribute("orientation").Get() == "leftHanded"
-        return bool(is_clockwise != is_mirroring(self._matrix(self._start)))
-
     def _corner_order(self, counts: Integers) -> Any:
-        """Return the order in which the corners of all faces are counterclockwise."""
-        return reversed_corners(counts, keeps_first=True) if self._is_reversed else slice(None)
+        """Return the order in which the corners of all faces are counterclockwise in the world."""
+        is_clockwise = self.prim.GetAttribute("orientation").Get() == "leftHanded"
+        is_reversed = is_clockwise != is_mirroring(self._matrix(self._start))
+        return reversed_corners(counts, keeps_first=True) if is_reversed else slice(None)
 
     def _file_mesh(self, code: float) -> PolygonMesh:
         """Return all faces at a time code in file order, with points in local space."""

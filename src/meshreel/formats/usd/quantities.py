@@ -70,8 +70,12 @@ class StageQuantity(Quantity):
             return False
         if len(codes) < 2 or not self.attribute.ValueMightBeTimeVarying():
             return False
-        first = self.values(float(codes[0]))
-        return any(not _are_equal(first, self.values(code)) for code in codes[1:].tolist())
+        frames = (self.values(code) for code in codes.tolist())
+        keys = (
+            each if each is None else (each.shape, each.dtype, each.tobytes()) for each in frames
+        )
+        first = next(keys)
+        return any(key != first for key in keys)
 
 
 def _primvars(prim: Any) -> Iterator[tuple[Any, str, Kind, Domain | None]]:
@@ -209,7 +213,10 @@ def _quantity(
     def values(code: float) -> Values | None:
         if primvar is None:
             return _numbers(attribute.Get(code), 1)
-        return _item_values(primvar, code)
+        rows, indices = _table(primvar, code) or (None, None)
+        if rows is None or indices is None:
+            return rows
+        return rows[indices] if len(indices) else None
 
     return StageQuantity(
         name,
@@ -221,14 +228,6 @@ def _quantity(
         is_constant=primvar is not None and primvar.GetInterpolation() == "constant",
         attribute=attribute,
     )
-
-
-def _item_values(primvar: Any, code: float) -> Values | None:
-    """Return the values of a primvar, of shape (N, C), with indices applied."""
-    values, indices = _table(primvar, code) or (None, None)
-    if values is None or indices is None:
-        return values
-    return values[indices] if len(indices) else None
 
 
 def _table(primvar: Any, code: float) -> tuple[Values, Any] | None:
@@ -263,13 +262,6 @@ def _numbers(vt_array: Any, element_size: int) -> Values | None:
     if values.dtype not in NUMBER_TYPES or values.size % width:
         return None
     return values.reshape(-1, width)
-
-
-def _are_equal(first: Values | None, second: Values | None) -> bool:
-    if first is None or second is None:
-        return first is second
-    is_same_type = first.shape == second.shape and first.dtype == second.dtype
-    return is_same_type and first.tobytes() == second.tobytes()
 
 
 def by_track_name(animated: Mapping[str, StageQuantity]) -> dict[str, StageQuantity]:

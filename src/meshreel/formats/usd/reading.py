@@ -166,20 +166,19 @@ def readable_prims(prims: Sequence[Any]) -> list[Any]:
     FormatError
         If there are none, listing the contents.
     """
-    readable = [prim for prim in prims if _is_readable(prim)]
+    schema = USD.load("UsdGeom").Mesh
+    readable = [
+        prim
+        for prim, mesh in zip(prims, map(schema, prims), strict=True)
+        if mesh and prim.IsActive() and prim.IsDefined()
+        if mesh.GetPointsAttr().HasValue() and mesh.GetFaceVertexCountsAttr().HasValue()
+    ]
     if not readable:
         kinds = Counter(str(prim.GetTypeName()) for prim in prims)
         counts = (f"{kinds[kind]} {kind}" for kind in kinds if kind not in CONTAINERS)
         contents = ", ".join(counts)
         raise FormatError(f"contains no mesh, only {contents}" if contents else "contains no mesh")
     return readable
-
-
-def _is_readable(prim: Any) -> bool:
-    mesh = USD.load("UsdGeom").Mesh(prim)
-    if not (mesh and prim.IsActive() and prim.IsDefined()):
-        return False
-    return bool(mesh.GetPointsAttr().HasValue() and mesh.GetFaceVertexCountsAttr().HasValue())
 
 
 def _visibility(prim: Any, rate: float, codes: Floats | None = None) -> Visibility:

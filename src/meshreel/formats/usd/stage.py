@@ -5,7 +5,6 @@ Composition opens every layer that another one names, and does not terminate for
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -28,24 +27,17 @@ def usd_errors(subject: str) -> Iterator[None]:
     subject : str
         Start of the message, such as "USD cannot read the file".
     """
-    errors, delegate_class = _diagnostics()
+    tf = USD.load("Tf")
     # While it exists, it receives the messages instead of the terminal.
-    delegate = delegate_class()
+    delegate = USD.load("UsdUtils").CoalescingDiagnosticDelegate()
     try:
         yield
     except UnicodeDecodeError:
         raise FormatError(f"{subject}: {NOT_UTF8}") from None
-    except errors as error:
+    except (tf.ErrorException, tf.CppException) as error:
         raise FormatError(f"{subject}: {_reason(error)}") from None
     finally:
         del delegate
-
-
-@cache
-def _diagnostics() -> tuple[tuple[type[Exception], ...], Any]:
-    """Return the errors of USD, and the class that receives its messages."""
-    tf = USD.load("Tf")
-    return (tf.ErrorException, tf.CppException), USD.load("UsdUtils").CoalescingDiagnosticDelegate
 
 
 def _reason(error: Exception) -> str:
@@ -207,7 +199,9 @@ def open_stage(path: Path, reading: Reading) -> Any:
     reading.referenced.update(Path(layer.realPath).resolve() for layer in layers)
     with usd_errors(DAMAGED):
         stage = USD.load("Usd").Stage.Open(layers[0])
-        _note_missing(stage, reading.notes)
+        texts = (" ".join(str(error).split()).rstrip(".") for error in stage.GetCompositionErrors())
+        subject = "the file refers to missing or invalid data"
+        reading.notes.list_names(NoteKind.UNKNOWN, subject, texts)
         _note_axes(stage, reading.notes)
     # Variables of asset path expressions are known only after the library has opened the layers.
     for layer in () if reading.allow_outside else stage.GetUsedLayers():
@@ -228,11 +222,6 @@ def codes_per_frame(stage: Any, rate: float) -> float:
     if fps is not None and MIN_RATE <= fps <= MAX_RATE:
         return rate / fps
     return 1.0 if rate <= MAX_FRAME_RATE else rate / DEFAULT_RATE
-
-
-def _note_missing(stage: Any, notes: Notes) -> None:
-    problems = (" ".join(str(error).split()).rstrip(".") for error in stage.GetCompositionErrors())
-    notes.list_names(NoteKind.UNKNOWN, "the file refers to missing or invalid data", problems)
 
 
 def _note_axes(stage: Any, notes: Notes) -> None:

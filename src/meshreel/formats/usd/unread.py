@@ -109,7 +109,11 @@ class StageContents:
         originals, unread = set(map(original_path, used)), _metadata(self.stage.GetPseudoRoot())
         for prim in self.prims:
             path, kind = prim.GetPath(), str(prim.GetTypeName())
-            unread += (*_metadata(prim), *_other_variants(prim))
+            unread += _metadata(prim)
+            for name, selected in prim.GetVariantSets().GetAllVariantSelections().items():
+                others = {*prim.GetVariantSets().GetVariantSet(name).GetVariantNames()} - {selected}
+                kinds = (f"{path}{{{name}={other}}}" for other in others)
+                unread += (("variants that are not selected", text) for text in kinds)
             is_part = path.GetParentPath() in parts
             if is_part or prim.IsA(mesh) or prim.IsA(material):
                 parts.add(path)
@@ -178,10 +182,3 @@ def _metadata(item: Any) -> list[Unread]:
     values = item.GetAllAuthoredMetadata()
     known = [key for key in METADATA if isinstance(values.get(key), dict)]
     return [("metadata", key) for key in known if values[key].keys() - {"meshreel"}]
-
-
-def _other_variants(prim: Any) -> Iterator[Unread]:
-    sets = prim.GetVariantSets()
-    for name, selected in sets.GetAllVariantSelections().items():
-        for other in {*sets.GetVariantSet(name).GetVariantNames()} - {selected}:
-            yield "variants that are not selected", f"{prim.GetPath()}{{{name}={other}}}"

@@ -421,23 +421,20 @@ class MeshWriter:
             type_name = _type_name(track.kind, primvar_name, track.dtype, n_columns)
             if primvar_name == written_name:
                 note_track_type(name, track.dtype, _array_type(type_name)[1], notes)
-            attribute = self._track_attribute(primvar_name, type_name, track, n_columns)
+            interpolation = INTERPOLATIONS[track.domain]
+            if primvar_name == VELOCITIES:
+                attribute = self._mesh.CreateVelocitiesAttr()
+            elif primvar_name == NORMALS:
+                self._mesh.SetNormalsInterpolation(interpolation)
+                attribute = self._mesh.CreateNormalsAttr()
+            else:
+                primvar = self._primvar(primvar_name, type_name, interpolation, n_columns)
+                attribute = primvar.GetAttr()
             entries = {TRACK_KIND: str(track.kind), TRACK_NAME: name, UNIT: track.unit}
             for key, text in entries.items():
                 if text:
                     attribute.SetCustomDataByKey(key, text.encode("utf-8", "replace").decode())
             yield name, self._part.items[track.domain], columns, type_name, has_colors, attribute
-
-    def _track_attribute(
-        self, name: str, type_name: str, track: TrackSource, n_columns: int
-    ) -> Any:
-        interpolation = INTERPOLATIONS[track.domain]
-        if name == VELOCITIES:
-            return self._mesh.CreateVelocitiesAttr()
-        if name == NORMALS:
-            self._mesh.SetNormalsInterpolation(interpolation)
-            return self._mesh.CreateNormalsAttr()
-        return self._primvar(name, type_name, interpolation, n_columns).GetAttr()
 
     def _write_groups(
         self,
