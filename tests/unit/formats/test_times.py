@@ -12,7 +12,7 @@ from meshreel.formats.scenes.timing import ascending_times
 from meshreel.operations.save import save
 from samples.meshes import quad_sheet, waving_grid
 
-TIMES = [0, 0.005, 0.01, 0.015, 0.0175]
+TIMES = [0, 0.3171, 1, 1.3171, 2]  # as with motion blur
 EXACT = {
     ".npz": None,
     ".reel": None,
@@ -78,17 +78,10 @@ def test_times_that_do_not_ascend_need_a_rate(times, notes):
 
 def test_times_cross_changes_of_faces(tmp_path):
     whole = waving_grid(3).replace(times=[0, 1, 3]) + quad_sheet(2).replace(times=[4, 4.5])
-    save(whole, tmp_path / "a.pvd")
+    save(whole + waving_grid(1).replace(times=[7]), tmp_path / "a.pvd")
     loaded = load(tmp_path / "a.pvd")
-    assert (loaded.n_segments, loaded.times.tolist()) == (2, [0, 1, 3, 4, 4.5])
+    assert (loaded.n_segments, loaded.times.tolist()) == (3, [0, 1, 3, 4, 4.5, 7])
     assert loaded[2:4].times.tolist() == [3, 4]
-
-
-def test_single_frames_of_changing_faces_keep_their_times(tmp_path):
-    meshes = [waving_grid(1), quad_sheet(1), waving_grid(1)]
-    parts = [mesh.replace(times=[time]) for mesh, time in zip(meshes, [0, 1, 5], strict=True)]
-    save(parts[0] + parts[1] + parts[2], tmp_path / "a.pvd")
-    assert load(tmp_path / "a.pvd").times.tolist() == [0, 1, 5]
 
 
 GAP = "frames 3 and 4 are missing"
@@ -131,25 +124,16 @@ def test_missing_frame_numbers_are_noted_and_keep_their_time(
         np.testing.assert_allclose(loaded.times, times, atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("names", "order"),
-    [
-        ("t_0.25 t_0.5 t_1.0", "decimal numbers in their names, t_0.25.obj before t_0.5.obj"),
-        ("v1.2 v1.10", "numbers after the point in their names, v1.2.obj before v1.10.obj"),
-        ("t_0.25 t_0.50 t_0.75", None),
-    ],
-)
-def test_a_note_names_the_order_of_decimal_numbers_that_are_no_times(tmp_path, names, order):
-    notes = []
-    for number, name in enumerate(names.split()):
-        save(waving_grid(3)[number : number + 1], tmp_path / f"{name}.obj")
-    loaded = load(tmp_path, fps=10, notes=notes)
-    np.testing.assert_allclose(loaded.vertices, waving_grid(3)[: loaded.n_frames].vertices)
-    assert [note for note in notes if "order" in note] == (
-        [f"files are in order of {order}; rename them for another order"] if order else []
-    )
-    if "1.0" in names:
-        np.testing.assert_allclose(loaded.times, [0, 0.1, 0.2])
+def test_a_note_names_the_order_of_decimal_numbers_that_are_no_times(tmp_path, notes):
+    for number, name in enumerate(["t_0.25", "t_0.5", "t_1.0", "v1.2", "v1.10", "w0.1", "w0.2"]):
+        save(waving_grid(7)[number : number + 1], tmp_path / f"{name}.obj")
+    for letter, frames in ("t", slice(3)), ("v", slice(3, 5)), ("w", slice(5, 7)):
+        loaded = load(tmp_path / f"{letter}*.obj", fps=10, notes=notes)
+        np.testing.assert_allclose(loaded.vertices, waving_grid(7).vertices[frames])
+        assert loaded.fps == (1.25 if letter == "v" else 10)
+    first, second = [note for note in notes if "files are in order of" in note]
+    assert "decimal numbers in their names, t_0.25.obj before t_0.5.obj; rename" in first
+    assert "numbers after the point in their names, v1.2.obj before v1.10.obj" in second
 
 
 def test_gaps_between_segments_and_in_lists_keep_their_time(tmp_path, notes):

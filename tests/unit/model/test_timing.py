@@ -47,10 +47,7 @@ def sheet(n_frames=5, **options):
 @pytest.mark.parametrize(
     ("times", "fps"),
     [
-        (np.arange(40) / 24, 24),
         (10 + 0.1 * np.arange(200), 10),
-        ([0, 1 / 3, 1], None),
-        ([0, 1, np.nextafter(np.nextafter(2, 3), 3), 2.99], None),
         ([0, 1, 2, 2.99999999999998], None),
         ([0, 1, 1.99999999999998, 3], None),
         ([float(f"{i / 24:.6g}") for i in range(300)], None),  # as VTK writes them
@@ -116,7 +113,6 @@ def test_a_declared_rate_is_that_of_times_near_it():
     near, far = 1 + np.array([0, 1, 2 + 1e-7, 3]) / 25, 1 + np.array([0, 1, 2 + 1e-5, 3]) / 25
     assert Timing.of_times(near, declared_fps=25) == Timing(25, 1)
     assert Timing.of_times(far, declared_fps=25).times.tolist() == far.tolist()
-    assert Timing.of_times([4.0], declared_fps=25) == Timing(25, 4)
 
 
 @pytest.mark.parametrize(
@@ -125,7 +121,6 @@ def test_a_declared_rate_is_that_of_times_near_it():
         ((1, 0), (1, 5), [0, 1, 2, 5, 6, 7]),
         ((1, 0), (2, 3), [0, 1, 2, 3, 3.5, 4]),
         ((1, 0), (1, 0), [0, 1, 2, 3, 4, 5]),  # follow the first
-        ((1, 4), (1, 5), [4, 5, 6, 7, 8, 9]),
         ((24, 0.1), (24, 0.1 + 3 / 24), 0.1 + np.arange(6) / 24),
     ],
 )

@@ -38,8 +38,6 @@ def test_bound_without_rig_is_refused(tmp_path):
 
 
 def test_frames_at_uneven_times_come_back(tmp_path):
-    times = [0, 0.25, 1, 1.25, 1.9999999, 2, 2.25]  # as with motion blur, and closer than codes
-    tube = bending_tube(7).replace(times=times)
-    for rig in (None, 2):
-        meshreel.save(tube, tmp_path / "a.usdc", rig=rig, overwrite=True)
-        assert meshreel.load(tmp_path / "a.usdc").times.tolist() == times
+    times = [0, 0.25, 1, 1.25, 1.9999999, 2, 2.25]  # closer than a tolerance of codes
+    meshreel.save(bending_tube(7).replace(times=times), tmp_path / "a.usdc", rig=2)
+    assert meshreel.load(tmp_path / "a.usdc").times.tolist() == times

@@ -279,13 +279,7 @@ def test_faces_change_where_holes_do(stage_file):
 def test_load_notes_that_it_reads_the_cage_of_a_subdivision_surface(stage_file, scheme, is_noted):
     notes = []
     lines = f'uniform token subdivisionScheme = "{scheme}"\n' if scheme else ""
-    lines += "int[] creaseIndices = [0, 1]"
-    load(stage_file(strip(lines)), notes=notes)
+    load(stage_file(strip(lines + "int[] creaseIndices = [0, 1]")), notes=notes)
     assert ("left out: subdivision, whose cages are read: /m" in notes) == is_noted
     creases = "left out: creases of meshes that are not subdivided: creaseIndices"
     assert [note for note in notes if "crease" in note] == ([] if is_noted else [creases])
-
-
-def test_load_notes_several_subdivision_surfaces_in_one_sentence(stage_file, notes):
-    load(stage_file(strip() + strip(name="n")), merge=True, notes=notes)
-    assert notes == ["left out: subdivision, whose cages are read: /m, /n"]
