@@ -1,6 +1,6 @@
 """An open stream and the parts that its blocks share: mesh, order, surface, time."""
 
-from collections.abc import Hashable, Iterable, Iterator
+from collections.abc import Collection, Hashable, Iterator
 from enum import IntEnum
 from functools import cached_property
 from operator import attrgetter
@@ -23,8 +23,6 @@ from meshreel.errors import CorruptStreamError, InvalidInputError, Keyword, Unsu
 from meshreel.kernel.files import FileSection, FileTrack, OpenFile
 from meshreel.model.surface import PLAIN, Surface
 from meshreel.model.timing import Timing
-
-FLOAT32_POSITION_BYTES = 12
 
 CodedChoice = TypeVar("CodedChoice", bound=IntEnum)
 
@@ -169,15 +167,11 @@ class OpenStream:
 
 
 def require_positions(
-    file: OpenFile, limit: MemoryLimit, parts: Iterable[tuple[int, range]], frames: range
+    file: OpenFile, limit: MemoryLimit, parts: Collection[tuple[int, range]], frames: range
 ) -> None:
-    """Raise MemoryLimitError if positions alone exceed the limit, before a segment is opened.
-
-    `parts` are the number of each segment with some of the frames, and their numbers in it.
-    """
-    n_positions = [len(part) * file.segments[number].n_verts for number, part in parts]
-    subject = f"frames {frames.start}:{frames.stop} of {len(n_positions)} segments"
-    limit.require(FLOAT32_POSITION_BYTES * sum(n_positions), subject)
+    """Raise MemoryLimitError if positions of several segments alone exceed the limit."""
+    n_bytes = sum(12 * len(part) * file.segments[number].n_verts for number, part in parts)
+    limit.require(n_bytes, f"frames {frames.start}:{frames.stop} of {len(parts)} segments")
 
 
 def _choice_of_code(choices: type[CodedChoice], code: int) -> CodedChoice:

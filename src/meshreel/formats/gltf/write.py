@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Bytes, Floats
+from meshreel.arrays import Bytes
 from meshreel.codec.error_bounds import bound_of
 from meshreel.errors import InvalidInputError, Keyword, Message
 from meshreel.formats.error_budget import requested_budget
@@ -81,7 +81,9 @@ def write_morphs(path: Path, stream: SegmentedStream, options: WriteOptions) -> 
         extent = segments[0].extent
         low, high = extent.low, extent.high
     else:
-        low, high = _box(stream)
+        low, high = np.full(3, np.inf), np.full(3, -np.inf)
+        for frame in stream.frames():
+            low, high = np.minimum(low, frame.min(axis=0)), np.maximum(high, frame.max(axis=0))
         segments = (segment.gather() for segment in shared_stream.segments())
     check_range(low, high)
     allowed, budget = requested_budget(
@@ -150,14 +152,6 @@ def frame_times(stream: SegmentedStream) -> Sequence[float]:
         notes.changed("frame times", "glTF stores times as float32, to which these are rounded")
     seconds: list[float] = times.tolist()
     return seconds
-
-
-def _box(stream: SegmentedStream) -> tuple[Floats, Floats]:
-    """Return the corners of the bounding box of all frames, each of shape (3,)."""
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    for frame in stream.frames():
-        low, high = np.minimum(low, frame.min(axis=0)), np.maximum(high, frame.max(axis=0))
-    return low, high
 
 
 def _note_normals(notes: Notes, scene: "_MorphScene", options: WriteOptions) -> None:
