@@ -65,18 +65,7 @@ def outside_error(reference: str) -> FormatError:
 
 
 def download_sibling(path: Path) -> bool:
-    """Download a file next to a downloaded one that refers to it; return whether it now exists.
-
-    Parameters
-    ----------
-    path : Path
-        Expected local path.
-
-    Raises
-    ------
-    StoreError
-        If the store cannot be reached.
-    """
+    """Download a file next to a downloaded one that refers to it; return whether it now exists."""
     for folder, (address, limit_bytes) in DOWNLOADS.items():
         if path.is_relative_to(folder):
             sibling_address = sibling(address, path.relative_to(folder).as_posix())

@@ -260,13 +260,7 @@ def _center(base: Vertices) -> Floats:
 
 
 def check_range(low: Floats, high: Floats) -> None:
-    """Check that positions fit into float32, the only float type of glTF.
-
-    Raises
-    ------
-    InvalidInputError
-        If a coordinate is too large.
-    """
+    """Raise InvalidInputError unless positions fit into float32, the only float type of glTF."""
     largest = float(np.maximum(-low, high).max())
     allowed = float(np.finfo(np.float32).max) / 4
     if largest > allowed:

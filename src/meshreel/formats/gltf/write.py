@@ -62,11 +62,6 @@ def write_morphs(path: Path, stream: SegmentedStream, options: WriteOptions) -> 
 
     All frames of a segment, and the file, are in memory. Each segment has its own meshes, below a
     node whose scale is 1 in its frames and 0 in the others.
-
-    Raises
-    ------
-    InvalidInputError
-        If the options are out of range, their error bound cannot be met, or the file is too large.
     """
     _check_bound(options)
     notes = stream.notes
@@ -95,9 +90,9 @@ def write_morphs(path: Path, stream: SegmentedStream, options: WriteOptions) -> 
     document = scene.document()
     scene.note_isolated()
     errors = np.concatenate(scene.errors)
-    percent, frame = budget.percent(float(errors.max())), int(errors.argmax())
+    percent, worst_frame = budget.percent(float(errors.max())), int(errors.argmax())
     added = "" if budget.origin is None else " added"
-    error = f"the largest error{added} is {percent:.4f} % of the diagonal, in frame {frame},"
+    error = f"the largest error{added} is {percent:.4f} % of the diagonal, in frame {worst_frame},"
     n_targets = sorted(len(mesh.morphs.targets) for mesh in scene.morph_meshes if mesh.morphs)
     if budget.max_added and n_targets and errors.max() > budget.max_added:
         remaining = budget.percent(budget.max_added)
@@ -313,11 +308,6 @@ def write_rigged(
     """Write a rig in place of the frames, and report the sizes; return the bytes of the file.
 
     A file of `limit_bytes` or more is not written.
-
-    Raises
-    ------
-    InvalidInputError
-        If the options are out of range, or if the file is too large.
     """
     _check_bound(options)
     times_s, mesh = frame_times(stream), stream.only()
@@ -495,7 +485,7 @@ def write_gltf(path: Path, stream: SegmentedStream, options: WriteOptions) -> No
     Raises
     ------
     InvalidInputError
-        As `write_rigged` and `write_morphs`, or if the file is too large for its format.
+        If the options are out of range, their error bound cannot be met, or the file is too large.
     """
     if is_rigged(options):
         assert stream.rig is not None  # see `save_part`
