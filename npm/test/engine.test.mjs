@@ -51,17 +51,12 @@ test("a file that is shorter than its announced size is an error", async () => {
 });
 
 test("of a body of unknown size that is no .reel, only the first bytes are read", async () => {
-  for (const [start, nReads] of [[streamBytes("key_blocks"), 2], [new Uint8Array(8), 1]]) {
-    const bytes = new Uint8Array(200_000);
-    bytes.set(start);
-    const reads = [];
-    const read = async (from, to) => (reads.push([from, to]), bytes.slice(from, to));
-    const parameters = { size: null, hasRanges: false, memory: 2 ** 31 };
-    const library = await newLibrary(Library);
-    const open = SegmentsEngine.open(library, new Ranges(), read, parameters, signal);
-    await open.catch((error) => assert.match(error.message, /^not a \.reel stream/));
-    assert.deepEqual(reads, [[0, 65536], [65536, Number.MAX_SAFE_INTEGER]].slice(0, nReads));
-  }
+  const reads = [];
+  const read = async (start, end) => (reads.push([start, end]), new Uint8Array(65536));
+  const parameters = { size: null, hasRanges: false, memory: 2 ** 31 };
+  const open = SegmentsEngine.open(await newLibrary(Library), new Ranges(), read, parameters, signal);
+  await assert.rejects(open, /not a \.reel stream/);
+  assert.deepEqual(reads, [[0, 65536]]);
 });
 
 test("decoding a block needs only its bytes and those of its key block", async () => {

@@ -126,11 +126,8 @@ def test_animation_with_too_many_zeros_is_left_out(tmp_path, notes):
     file = Gltf.of_mesh()
     file.animate(0, "translation", [0, 1], np.zeros((2, 3)))
     sampler = file.json["animations"][0]["samplers"][0]
-    file.json["accessors"][sampler["input"]] = {
-        "componentType": 5126,
-        "count": 6_000_000,  # 24 MB, and 48 MB in double precision
-        "type": "SCALAR",
-    }
+    # 24 MB, and 48 MB in double precision.
+    sampler["input"] = file.add("accessors", componentType=5126, count=6_000_000, type="SCALAR")
     assert load(file.save(tmp_path / "a.glb"), notes=notes).n_frames == 1
     assert "the arrays of the file would need more than 32 times its size" in notes[0]
 

@@ -44,29 +44,20 @@ def test_load_reads_an_external_buffer(tmp_path, uri, name):
         "a.bin%00.txt",
         "",
         "data:application/octet-stream,AAAA",
+        "data:application/octet-stream," + "%00" * 10**6,
+        "a/" * 2500,
     ],
+    ids=lambda uri: uri[:40],
 )
 def test_load_rejects_uris_that_are_not_relative_paths(tmp_path, uri):
     folder = tmp_path / "in"
     folder.mkdir()
     (tmp_path / "a.bin").write_bytes(moving_triangle().data)
+    message = r"a\.gltf: buffer 0: .*(only files in the folder|a path has at most 4096)"
     for is_allowed in (False, True):
-        with pytest.raises(FormatError, match=r"a\.gltf: buffer 0: .*only files in the folder"):
+        with pytest.raises(FormatError, match=message) as caught:
             load(with_external_buffer(folder, uri), allow_outside=is_allowed)
-
-
-@pytest.mark.parametrize(
-    ("uri", "message"),
-    [
-        ("data:application/octet-stream," + "%00" * 10**6, "only files in the folder"),
-        ("%61/" * 10**5, "only files in the folder"),
-        ("a/" * 2500, "has 5000 characters; a path has at most 4096"),
-    ],
-)
-def test_load_rejects_long_uris_with_a_short_message(tmp_path, uri, message):
-    with pytest.raises(FormatError, match=message) as caught:
-        load(with_external_buffer(tmp_path, uri))
-    assert len(str(caught.value)) < 1000
+        assert len(str(caught.value)) < 1000
 
 
 @pytest.mark.parametrize(
