@@ -162,6 +162,10 @@ def test_error_names_a_folder_that_cannot_be_written(folder, arguments):
         (["convert", "walk.npz", "-o", "x.npz", "--block-frames", "9"], ["--block-frames"]),
         (["convert", "walk.npz", "-o", "f_%d.obj", "--start-number", "-3"], ["0 or more"]),
         (["convert", "walk.npz", "-o", "x.npz", "--frames", "12:20"], ["there are frames 0:12"]),
+        (
+            ["convert", "frames", "-o", "f.npz", "--split", "--frames", "1"],
+            ["--split and --frames"],
+        ),
     ],
     ids=lambda value: " ".join(value) if value[0].islower() else "",
 )

@@ -114,6 +114,11 @@ def test_images_that_cannot_become_smaller_are_kept_with_a_note(image, reason):
     assert [note for note in notes if f"kept as they are: {image.name}" in note and reason in note]
 
 
+def test_a_jpeg_is_kept_where_a_png_is_larger():
+    photo = file_of(COLORS[..., :3], "photo", "jpeg", quality=30)
+    assert reencoded(sheet(photo), "png")[0] == (photo,)
+
+
 def test_scaling_averages_light_and_keeps_normals_of_unit_length():
     gray = np.repeat(CHECKS[..., None], 3, axis=2)
     sequence = sheet(file_of(gray, "checks"), file_of(NORMALS, "bumps"))

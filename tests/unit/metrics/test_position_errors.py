@@ -153,6 +153,8 @@ def test_blocks_of_another_shape_are_rejected(soup):
     sums = ErrorSums(bounding_box_reference(soup[0]))
     with pytest.raises(InvalidInputError, match=r"\(14, 12, 3\) and \(14, 11, 3\)"):
         sums.add(soup[0], soup[1][:, :11])
+    with pytest.raises(InvalidInputError, match=r"\(14, 12, 2\) and \(14, 12, 2\)"):
+        sums.add(soup[0][..., :2], soup[1][..., :2])
 
 
 def test_error_sums_without_frames_are_rejected(soup):

@@ -34,7 +34,7 @@ def test_frames_of_a_rate_start_at_zero_unless_a_start_is_given():
     assert (UNTIMED, Timing.of_rate(25.0)) == (Timing(0.0, 0.0), Timing(25.0, 0.0))
     assert Timing.of_rate(25.0, -2.0) == Timing(25.0, -2.0)
     single = Timing.of_times(np.array([4.25]))
-    assert (single, single.seconds(2)) == (Timing(0.0, 4.25), None)
+    assert (single, *single.seconds(1), single.seconds(2)) == (Timing(0.0, 4.25), 4.25, None)
 
 
 UNEVEN = [0, 0.005, 0.01, 0.015, 0.0175]

@@ -254,9 +254,9 @@ def on_coarse_grid(noise, n_more=0):
     return positions + rng.uniform(-noise, noise, positions.shape)
 
 
-def coarse_grid_of(positions, tolerance):
-    """Return the coarse grid of a frame of shape (V, 3)."""
-    return coarse_grid(1, lambda _: positions, extent_of(positions[None]), tolerance)
+def coarse_grid_of(*frames, tolerance):
+    """Return the coarse grid of frames of shape (V, 3)."""
+    return coarse_grid(len(frames), frames.__getitem__, extent_of(np.stack(frames)), tolerance)
 
 
 def test_coarse_grid_is_found_within_the_tolerance():
@@ -269,7 +269,10 @@ def test_coarse_grid_is_found_within_the_tolerance():
 
 
 def test_a_single_position_off_a_coarse_grid_excludes_it():
-    assert coarse_grid_of(on_coarse_grid(0.0, n_more=1), tolerance=1e-3) is None
+    positions = on_coarse_grid(0.0, n_more=1)
+    assert coarse_grid_of(positions, tolerance=1e-3) is None
+    on_grid = np.concatenate([positions[:-1], positions[:1]])
+    assert coarse_grid_of(on_grid, positions, tolerance=1e-3) is None
     assert coarse_grid_of(np.zeros((5, 3)), tolerance=1e-3) is None
 
 
