@@ -116,12 +116,6 @@ def test_decode_writes_the_selected_frames(reel, tmp_path, text, frames):
     np.testing.assert_array_equal(meshreel.load(tmp_path / "part.npz").vertices, expected.vertices)
 
 
-def test_compare_accepts_a_reel_as_either_input(grid, reel):
-    there = run_json("compare", grid, reel)
-    assert 0 < there["kg_error_percent"] < 2
-    assert run_json("compare", reel, reel)["kg_error_percent"] == 0
-
-
 def test_demo_writes_stream_and_picture(tmp_path):
     figures = run_json("demo", "--out", tmp_path / "demo", "--frames", 4)
     assert {path.name for path in (tmp_path / "demo").iterdir()} == {

@@ -9,7 +9,7 @@ from meshreel.codec.options import config_of
 from meshreel.codec.reel.normative import blocks
 from meshreel.errors import InvalidInputError, SolverError
 from meshreel.formats.options import WriteOptions
-from samples.meshes import assert_same_surface, irregular_sequence, quad_sheet, waving_grid
+from samples.meshes import irregular_sequence, quad_sheet, waving_grid
 from samples.orders import shuffled
 from samples.streams import recorded
 
@@ -96,16 +96,6 @@ def test_positions_are_lossless_in_every_order(order):
     assert_same_bits(rows[1], rows[0])
     measured = measure_stream(sequence, data)
     assert (measured.max_error_percent, measured.kg_error_percent) == (0, 0)
-
-
-def test_surface_and_times_round_trip():
-    sheet = quad_sheet(6)
-    sequence = meshreel.MeshSequence(
-        sheet.vertices, sheet.faces, 23.976, "N\u00e4me", -1.5, sheet.surface
-    )
-    decoded = meshreel.decode(meshreel.encode(sequence, lossless=True))
-    assert_same_surface(decoded.surface, sequence.surface)
-    assert (decoded.fps, decoded.name, decoded.start_s) == (23.976, "N\u00e4me", -1.5)
 
 
 def with_tracks():

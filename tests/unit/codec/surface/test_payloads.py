@@ -45,7 +45,7 @@ from samples.orders import shuffled
 from samples.streams import Stream, parts_of, raw_stream, recorded
 
 
-@pytest.mark.parametrize("method", ["reel", "pca-qp"])
+@pytest.mark.parametrize("method", ["reel", "pca-qp", "lossless"])
 @pytest.mark.parametrize(
     "make", [quad_sheet, hard_sheet, two_sheets, dressed_sheet, dressed_sheets]
 )
