@@ -399,6 +399,7 @@ def test_notes_explain_tracks_that_obj_cannot_store(tmp_path, notes):
         "stress": Track(RNG.random(shape)),
         "Cd": Track(RNG.random((*shape, 4)), kind="color"),
         "N": Track(normals_of(shape, np.float64), kind="normal", unit="1"),
+        "flat": Track(normals_of((2, sizes_of(sheet)[Domain.FACE])), "face", "normal"),
     }
     only_uv = tuple(
         attribute for attribute in sheet.surface.attributes if attribute.kind is Kind.UV
@@ -411,8 +412,8 @@ def test_notes_explain_tracks_that_obj_cannot_store(tmp_path, notes):
         "alpha of track 'Cd' left out: .obj does not store it",
         "track 'N' is called 'normals' in .obj files",
         "track 'N' is written as float32, not float64",
-        "tracks left out: stress: .obj cannot store tracks other than vertex colors, normals and "
-        "UV coordinates",
+        "tracks left out: stress, flat: .obj cannot store tracks other than vertex colors, "
+        "normals and UV coordinates",
         "units left out: N (1): .obj cannot store them",
     ]
     loaded = load(tmp_path)

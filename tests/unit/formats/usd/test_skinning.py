@@ -109,7 +109,9 @@ def bulged(weight):
 
 
 def test_load_skins_at_every_frame_between_keys(skinned_file, notes):
-    loaded = load(skinned_file(JOINTS), notes=notes)
+    normals = f"{{ 1: {4 * [(0, 0, 1)]}, 5: {4 * [(1, 0, 0)]} }}"
+    loaded = load(skinned_file(f"{JOINTS} normal3f[] normals.timeSamples = {normals}"), notes=notes)
+    assert not loaded.tracks  # skinning does not deform normals
     assert (loaded.fps, loaded.start_s, loaded.vertices.dtype) == (24.0, 1 / 24, np.float32)
     np.testing.assert_array_equal(loaded.vertices, [posed(s) for s in (0, 0.25, 0.5, 0.75, 1)])
     assert any("2 samples" in note and "5 frames" in note for note in notes)

@@ -52,8 +52,15 @@ def rounded(value):
     return value
 
 
+def without_mipmaps():
+    """A sheet whose texture has a filter only where it is magnified."""
+    sheet, (red, cloth) = dressed_sheet(), look()[0]
+    cloth = replace(cloth, base_color_texture=replace(cloth.base_color_texture, shrunk=None))
+    return sheet.replace(surface=replace(sheet.surface, materials=(red, cloth)))
+
+
 @pytest.mark.parametrize("extension", EXTENSIONS)
-@pytest.mark.parametrize("make", [dressed_sheet, dressed_sheets])
+@pytest.mark.parametrize("make", [dressed_sheet, dressed_sheets, without_mipmaps])
 def test_materials_round_trip(tmp_path, make, extension, notes):
     sequence = make()
     save(sequence, tmp_path / f"x.{extension}", notes=notes)
