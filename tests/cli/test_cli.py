@@ -257,13 +257,6 @@ def test_convert_says_that_a_file_is_compact_and_grows(reel, tmp_path):
     assert "compact already: smaller than the raw values of all frames" in shown
 
 
-def test_info_and_encode_count_the_same_raw_bytes(tmp_path):
-    sheet = quad_sheet_with(heat=Track(np.zeros((12, 30), np.float32)))
-    meshreel.save(sheet, tmp_path / "a.npz")
-    raw = run_json("info", "a.npz", cwd=tmp_path)["meshes"][0]["raw_size_bytes"]
-    assert run_json("encode", "a.npz", cwd=tmp_path)["raw_size_bytes"] == raw
-
-
 def test_encode_says_that_only_tracks_have_a_bound(tmp_path):
     heat = np.random.default_rng(0).random((12, 30), np.float32)
     meshreel.save(quad_sheet_with(heat=Track(heat)), tmp_path / "a.npz")
