@@ -70,14 +70,14 @@ def test_load_reads_the_cage_of_a_subdivision_surface(tmp_path, notes):
 
 
 def test_load_rejects_more_objects_than_the_limit(tmp_path, monkeypatch):
-    sample.add_mesh(sample.archive(tmp_path / "a.abc").getTop(), "m", MOVES)
-    monkeypatch.setattr("meshreel.formats.alembic.meshes.MAX_OBJECTS", 1)
-    assert load(tmp_path / "a.abc").n_frames == len(MOVES)
-    sample.add_mesh(parent := sample.archive(tmp_path / "b.abc").getTop(), "m", MOVES)
+    sample.add_mesh(parent := sample.archive(tmp_path / "a.abc").getTop(), "m", MOVES)
     sample.add_mesh(parent, "n", MOVES)
     del parent
+    monkeypatch.setattr("meshreel.formats.alembic.meshes.MAX_OBJECTS", 2)
+    assert load(tmp_path / "a.abc", merge=True).n_frames == len(MOVES)
+    monkeypatch.setattr("meshreel.formats.alembic.meshes.MAX_OBJECTS", 1)
     with pytest.raises(FormatError, match="contains more than 1 objects"):
-        load(tmp_path / "b.abc")
+        load(tmp_path / "a.abc")
 
 
 def test_load_rejects_a_hierarchy_that_is_too_deep(tmp_path):

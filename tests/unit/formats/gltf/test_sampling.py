@@ -99,6 +99,7 @@ def test_curve_times_snap_to_rounded_keys():
 def test_single_key_gives_one_frame():
     result, notes = sample([1.5])
     assert (result.times_s.tolist(), result.fps, notes) == ([1.5], 0, [])
+    assert [len(sample([0, end])[0].times_s) for end in (9e-6, 2e-5)] == [1, 2]
 
 
 @pytest.mark.parametrize(("end", "fps"), [(1e30, 0), (1e5, 0), (10, 1e9), (3.4e38, 24)])
