@@ -79,17 +79,6 @@ class DataArray:
         return self.domain, self.name
 
 
-def stored_array(domain: Domain, name: str, read: Callable[[], npt.NDArray[Any]]) -> DataArray:
-    """Return a data array whose values are read when they are needed."""
-    return DataArray(
-        domain,
-        name,
-        read,
-        cache(lambda: checksum(read())),
-        cache(lambda: Field((values := read()).dtype, math.prod(values.shape[1:]))),
-    )
-
-
 def loaded_array(
     domain: Domain,
     name: str,

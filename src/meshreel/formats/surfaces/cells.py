@@ -81,10 +81,6 @@ class Cells:
     points: npt.NDArray[np.int64]
     """int64 array of shape (sum of counts,). Point indices of all cells, concatenated."""
 
-    def equals(self, other: "Cells") -> bool:
-        """Whether all cells are equal."""
-        return all(map(np.array_equal, vars(self).values(), vars(other).values()))
-
     @classmethod
     def join(cls, groups: Iterable["Cells"]) -> "Cells":
         """Return the cells of all groups."""

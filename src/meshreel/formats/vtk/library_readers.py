@@ -1,10 +1,12 @@
 """Files that the library VTK reads: Exodus II, OpenFOAM, CGNS and Fluent.
 
 Its readers run in a separate process, which damaged files may end. The process stores points,
-cells and arrays of all steps in a temporary folder, from which frames are read on demand.
+cells and arrays of all steps in a temporary file, equal ones once; frames are read from it on
+demand.
 """
 
 import json
+import math
 import os
 import re
 import signal
@@ -15,24 +17,27 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from hashlib import blake2b
 from importlib import import_module
 from pathlib import Path
 from shutil import rmtree
 from tempfile import mkdtemp
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
+from meshreel.formats.frames.field_tracks import Field
 from meshreel.formats.frames.steps import (
+    DataArray,
     Piece,
     Step,
     StepFrames,
     join_pieces,
     loaded_array,
-    stored_array,
 )
+from meshreel.formats.frames.stored_frames import RawArray, identity
 from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.options import Reading
 from meshreel.formats.scenes.scene_mesh import SceneMesh
@@ -66,7 +71,7 @@ MIN_MEMORY, MEMORY_RATIO = 1 << 32, 64
 MIN_SECONDS, BYTES_PER_SECOND = 60, 1 << 20
 """Limits of memory and processor time: a constant, and a share of the files in the folder."""
 
-CONTENTS, MAX_LOG_BYTES = "contents.json", 1 << 16
+CONTENTS, ARRAYS, MAX_LOG_BYTES = "contents.json", "arrays", 1 << 16
 ERRORS = re.compile(r"(?:ERR\| (?:\w+ \(0x\w+\): )?|^[\w.]*Error: )([^\x1b\n]*)", re.MULTILINE)
 """Errors of VTK and of Python in the log of the process."""
 
@@ -97,6 +102,10 @@ def read_with_library(title: str, path: Path, reading: Reading) -> Sequence[Scen
     contents = json.loads((steps.folder / CONTENTS).read_text("utf-8"))
     reading.notes.left_out_items(contents["left_out"])
     steps.rows = contents["steps"]
+    steps.arrays = [
+        RawArray(steps.folder / ARRAYS, start_byte, tuple(shape), np.dtype(code))
+        for start_byte, shape, code in contents["arrays"]
+    ]
     times_s = ascending_times(np.array(contents["times"]), "step", reading)
     frames = StepFrames(steps.step, reading.notes)
     return [SceneMesh(path.stem, times_s, frames.frame, frames.surface, tracks=frames.tracks)]
@@ -107,29 +116,37 @@ class _StoredSteps:
 
     def __init__(self) -> None:
         self.folder = Path(mkdtemp(prefix="meshreel-vtk-"))
-        self.rows: Sequence[Any] = ()
         weakref.finalize(self, rmtree, self.folder, ignore_errors=True)
-        self._surfaces: dict[int, tuple[int, CellSurface]] = {}  # the last one
+        self.arrays: Sequence[RawArray] = ()
+        self.rows: Sequence[Any] = ()
+        """Numbers of the arrays of each step: of its cells, points and data."""
+        self._surfaces: dict[object, CellSurface] = {}  # the last one
+        self._steps: dict[int, Step] = {}  # those with that surface
 
     def step(self, index: int) -> Step:
-        """Return a step."""
-        number, n_points, keys = self.rows[index]
-        if number not in self._surfaces:
-            cells = Cells(
-                *(self._read(f"cells_{number}.npz", name) for name in ("types", "counts", "points"))
-            )
-            self._surfaces = {number: (len(cells.types), cell_mesh(cells, n_points))}
-        n_cells, surface = self._surfaces[number]
-        read = partial(self._read, f"step_{index}.npz")
-        arrays = [
-            stored_array(Domain(domain), name, partial(read, str(number)))
-            for number, (domain, name) in enumerate(keys)
-        ]
-        return Step(n_points, n_cells, surface, partial(read, "points"), arrays)
+        """Return a step, whose values are read on demand."""
+        if index in self._steps:
+            return self._steps[index]
+        cell_arrays, point_array, data = self.rows[index]
+        points = self.arrays[point_array]
+        types, counts, nodes = (self.arrays[number] for number in cell_arrays)
+        n_points, n_cells = points.shape[0], types.shape[0]
+        if (key := (*cell_arrays, n_points)) not in self._surfaces:
+            cells = Cells(*(array.read(0, array.shape[0]) for array in (types, counts, nodes)))
+            self._surfaces, self._steps = {key: cell_mesh(cells, n_points)}, {}
+        arrays = [_data_array(number, self.arrays[number], *key) for number, *key in data]
+        read_points = partial(points.read, 0, n_points)
+        step = Step(n_points, n_cells, self._surfaces[key], read_points, arrays)
+        self._steps[index] = step
+        return step
 
-    def _read(self, file: str, name: str) -> npt.NDArray[Any]:
-        with np.load(self.folder / file) as arrays:
-            return np.asarray(arrays[name])
+
+def _data_array(number: int, stored: RawArray, domain: str, name: str) -> DataArray:
+    field = Field(stored.dtype, math.prod(stored.shape[1:]))
+    read = partial(stored.read, 0, stored.shape[0])
+    return DataArray(
+        Domain(domain), name, read, partial(identity, number), partial(identity, field)
+    )
 
 
 def store(title: str, path: str, folder: str) -> None:
@@ -144,23 +161,50 @@ def store(title: str, path: str, folder: str) -> None:
     key = pipeline.vtkStreamingDemandDrivenPipeline.TIME_STEPS()
     times = reader.GetOutputInformation(0).Get(key)
     steps: list[Any] = []
-    cells, n_cells = Cells.join([]), 0
-    for index, time in enumerate(times or [None]):
-        reader.Update() if time is None else reader.UpdateTimeStep(time)
-        pieces = [*_pieces(reader.GetOutputDataObject(0), left_out)]
-        if not pieces:
-            raise FormatError("it has no mesh")
-        mesh, others = join_pieces(pieces, same_points=title == EXODUS)
-        left_out += others
-        new_cells = _with_positive_wedges(mesh) if title in (OPENFOAM, FLUENT) else mesh.cells
-        if not steps or not cells.equals(new_cells):
-            cells, n_cells = new_cells, n_cells + 1
-            np.savez(Path(folder, f"cells_{n_cells}.npz"), **vars(cells))
-        values: Any = {str(number): array.read() for number, array in enumerate(mesh.arrays)}
-        np.savez(Path(folder, f"step_{index}.npz"), points=mesh.points, **values)
-        steps.append((n_cells, len(mesh.points), [array.key for array in mesh.arrays]))
-    contents = {"times": times or [0.0], "steps": steps, "left_out": [*dict.fromkeys(left_out)]}
+    with Path(folder, ARRAYS).open("wb") as file:
+        arrays = _ArrayFile(file)
+        for time in times or [None]:
+            reader.Update() if time is None else reader.UpdateTimeStep(time)
+            pieces = [*_pieces(reader.GetOutputDataObject(0), left_out)]
+            if not pieces:
+                raise FormatError("it has no mesh")
+            mesh, others = join_pieces(pieces, same_points=title == EXODUS)
+            left_out += others
+            cells = _with_positive_wedges(mesh) if title in (OPENFOAM, FLUENT) else mesh.cells
+            steps.append(
+                (
+                    [arrays.add(values) for values in vars(cells).values()],
+                    arrays.add(mesh.points),
+                    [(arrays.add(array.read()), *array.key) for array in mesh.arrays],
+                )
+            )
+    contents = {
+        "times": times or [0.0],
+        "arrays": arrays.descriptions,
+        "steps": steps,
+        "left_out": [*dict.fromkeys(left_out)],
+    }
     Path(folder, CONTENTS).write_text(json.dumps(contents), "utf-8")
+
+
+class _ArrayFile:
+    """Stores arrays in a file, equal ones once."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self._numbers: dict[tuple[Any, ...], int] = {}
+        self.descriptions: list[tuple[int, tuple[int, ...], str]] = []
+        """First byte, shape and number type of each stored array."""
+
+    def add(self, values: npt.NDArray[Any]) -> int:
+        """Store an array, unless an equal one is stored, and return its number."""
+        data = values.tobytes()
+        key = values.shape, values.dtype.str, blake2b(data).digest()
+        if key not in self._numbers:
+            self._numbers[key] = len(self.descriptions)
+            self.descriptions.append((self._file.tell(), *key[:2]))
+            self._file.write(data)
+        return self._numbers[key]
 
 
 def _with_positive_wedges(mesh: Piece) -> Cells:

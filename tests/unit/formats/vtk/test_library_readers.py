@@ -3,11 +3,13 @@
 import os
 import sys
 import tempfile
+from collections import Counter
 
 import numpy as np
 import pytest
 
 from meshreel.errors import FormatError
+from meshreel.formats.frames.stored_frames import RawArray
 from meshreel.formats.load import load, open_for_encoding
 from meshreel.formats.options import Reading
 from meshreel.formats.vtk import library_readers
@@ -158,6 +160,16 @@ def test_frames_of_exodus_are_read_on_demand(exodus, tmp_path, monkeypatch):
     assert len([*tmp_path.iterdir()]) == 1  # the steps
     del result
     assert not [*tmp_path.iterdir()]  # without a collection of cycles
+
+
+def test_values_of_tracks_are_read_once(exodus, monkeypatch):
+    reads, read = Counter(), RawArray.read
+    monkeypatch.setattr(
+        RawArray, "read", lambda self, *rows: reads.update([self]) or read(self, *rows)
+    )
+    load(exodus)
+    counts = sorted(count for array, count in reads.items() if array.dtype.kind == "f")
+    assert counts == [1] * 2 * N_STEPS + [N_STEPS]  # all steps have the same points
 
 
 def test_open_foam_is_read(tmp_path, notes):
