@@ -64,6 +64,13 @@ UNREAD = ("NODE_SET", "SIDE_SET", "ELEM_SET", "EDGE_SET", "FACE_SET", "EDGE_BLOC
 CELL_ZONES = ("fluid", "solid")
 """Types of zones of Fluent that have cells."""
 
+BLOCK_NAMES = "block name"
+"""Name of the groups of faces and cells by block, or by zone."""
+
+NO_NAME = "(no name)"
+UNNAMED = re.compile(rf"Unnamed block ID: \d+|internalMesh|{re.escape(NO_NAME)}")
+"""Names of blocks that VTK or `_text` invents."""
+
 WEDGE, MIRRORED = 13, (0, 2, 1, 3, 5, 4)  # type, and nodes of the mirror image
 
 STORE = "from meshreel.formats.vtk.library_readers import store; import sys; store(*sys.argv[1:])"
@@ -255,11 +262,14 @@ def _configure(reader: Any) -> Iterator[tuple[str, str]]:
 def _pieces(output: Any, left_out: list[tuple[str, str]]) -> Iterator[Piece]:
     """Yield the blocks of a step; append the contents that are left out to the list."""
     filters: Any = import_module("vtkmodules.vtkFiltersCore")
-    blocks = output.NewIterator()
-    blocks.InitTraversal()
-    while not blocks.IsDoneWithTraversal():
-        block = blocks.GetCurrentDataObject()
-        blocks.GoToNextItem()
+    iterator, blocks = output.NewIterator(), []
+    iterator.InitTraversal()
+    while not iterator.IsDoneWithTraversal():
+        name = _text(iterator.GetCurrentMetaData().Get(output.NAME()))
+        blocks.append(("" if UNNAMED.fullmatch(name) else name, iterator.GetCurrentDataObject()))
+        iterator.GoToNextItem()
+    are_named = any(name for name, _ in blocks)
+    for block_name, block in blocks:
         if not block.GetNumberOfPoints():
             continue
         converter = filters.vtkAppendFilter()  # to an unstructured grid
@@ -267,6 +277,9 @@ def _pieces(output: Any, left_out: list[tuple[str, str]]) -> Iterator[Piece]:
         converter.Update()
         grid = converter.GetOutput()
         arrays = []
+        if are_named:
+            names = np.full(grid.GetNumberOfCells(), block_name)
+            arrays.append(loaded_array(Domain.FACE, BLOCK_NAMES, names))
         for domain, data in (
             (Domain.VERTEX, grid.GetPointData()),
             (Domain.FACE, grid.GetCellData()),
@@ -283,7 +296,7 @@ def _pieces(output: Any, left_out: list[tuple[str, str]]) -> Iterator[Piece]:
 
 def _text(name: str | bytes | None) -> str:
     """Return a name, which may be bytes if it is damaged."""
-    return name.decode("latin-1") if isinstance(name, bytes) else name or "(no name)"
+    return name.decode("latin-1") if isinstance(name, bytes) else name or NO_NAME
 
 
 def _cells(grid: Any) -> Cells:

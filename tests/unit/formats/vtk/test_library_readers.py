@@ -7,6 +7,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from scipy.io import netcdf_file
 
 from meshreel.errors import FormatError
 from meshreel.formats.frames.stored_frames import RawArray
@@ -46,7 +47,7 @@ N_STEPS = 3
 
 
 def exodus_of_vtk(path):
-    """Write a block for each hexahedron, moved by a displacement."""
+    """Write a block for each hexahedron, moved by a displacement; block 7 is called steel."""
     meshes = []
     for step in range(N_STEPS):
         mesh = grid(NODES, [(12, nodes) for nodes in HEXAHEDRA])
@@ -59,6 +60,9 @@ def exodus_of_vtk(path):
     writer.SetBlockIdArrayName("block")
     writer.WriteAllTimeStepsOn()
     assert writer.Write()
+    with netcdf_file(path, "a") as file:
+        row = file.variables["eb_prop1"][:].tolist().index(7)
+        file.variables["eb_names"][row, :5] = np.frombuffer(b"steel", "S1")
 
 
 @pytest.fixture(scope="module")
@@ -142,11 +146,12 @@ def test_exodus_is_read_exactly_and_its_blocks_are_joined(exodus, notes):
     assert sorted(rows) == [0, 1]
     tension = result.tracks["tension"].values[..., 0]
     np.testing.assert_array_equal(tension, steps[..., 0] * TENSION[rows])
-    [block] = result.surface.attributes
-    assert (block.name, block.values.ravel().tolist()) == (
-        "ObjectId",
-        [[7, 5][row] for row in rows],
-    )
+    numbers, ids = (attribute.values.ravel() for attribute in result.surface.attributes)
+    assert ids.tolist() == [[7, 5][row] for row in rows]
+    [names] = result.surface.groups
+    assert names.labels == ("steel",)
+    assert numbers.tolist() == [[0, -1][row] for row in rows]
+    assert set(names.numbers.tolist()) == {0, -1}
     assert notes[0] == "left out: field data: Title"
     assert notes[1].startswith("the mesh does not move, and its track Displacement may be its disp")
 
