@@ -14,6 +14,8 @@ from contents.items import Item, Sort, merged, timed
 EXTENSIONS = (".vtu", ".vtp", ".vtk", ".pvd")
 POLYGONS, LINES = (5, 6, 7, 8, 9, 22, 23, 28, 34, 36), (1, 2, 3, 4, 21)
 """VTK types of flat cells, and of points and lines."""
+CLOCKS = ("TimeValue", "TIME")
+"""Field data with the time of a file."""
 UV_NAMES = {"uv", "uvmap", "st", "tcoords", "texturecoordinates", "texture coordinates"}
 COLOR_NAMES = {"color", "colors", "colour", "colours", "rgb", "rgba", "cd"}
 
@@ -38,8 +40,7 @@ def walk(path: Path) -> Iterator[Item]:
         files += [file.parent / piece.get("Source", "") for piece in pieces]
         files.remove(file)
     items = (item for file in dict.fromkeys(files) for item in walk_file(file))
-    clocks = ("TimeValue", "TIME") if is_collection else ()
-    yield from merged(item for item in items if item.name not in clocks)
+    yield from merged(item for item in items if not is_collection or item.sort is not Sort.TIMES)
 
 
 def walk_file(path: Path) -> Iterator[Item]:
@@ -74,7 +75,11 @@ def walk_file(path: Path) -> Iterator[Item]:
                 values = item.values if are_kept and is_color == (item.sort is Sort.COLOR) else None
                 yield replace(item, sort=Sort.COLOR if is_color else item.sort, values=values)
     for index in range(mesh.GetFieldData().GetNumberOfArrays()):
-        yield Item(Sort.OTHER, mesh.GetFieldData().GetAbstractArray(index).GetName())
+        array = mesh.GetFieldData().GetAbstractArray(index)
+        if array.GetName() in CLOCKS and array.GetNumberOfValues() < 2:
+            yield from timed(to_numpy(array))
+        else:
+            yield Item(Sort.OTHER, array.GetName())
     for element in elements:
         for key in element.findall("InformationKey"):
             if key.get("name") == "UNITS_LABEL":
@@ -115,5 +120,5 @@ def _items(array: Any, is_normals: bool, is_uv: bool) -> Iterator[Item]:
     else:
         words = ("normals",) if is_normals else ("inside",)
         yield item_of(name, to_numpy(array), width, words, is_uv=is_uv)
-    if array.HasAComponentName():
-        yield Item(Sort.OTHER, f"{name}:names of components", words=(name,))
+    components = map(array.GetComponentName, range(width))
+    yield from (Item(Sort.OTHER, f"{name}:{component}") for component in components if component)

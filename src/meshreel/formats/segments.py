@@ -53,7 +53,10 @@ def _open(files: SourceFiles, reading: Reading) -> MeshSequence:
             select_attributes(segment, reading.attributes, path) for segment in opened.segments
         ]
         return MeshSequence.of_segments(segments, opened.name, opened.timing)
-    runs = list(_runs(files, reading))
+    frame_files = None
+    if not isinstance(file_format, SequenceFormat):
+        frame_files = FrameFiles(files.paths, file_format)
+    runs = list(_runs(files, frame_files, reading))
     has_several = len(runs) > 1
     segments = runs
     if has_several and reading.matches_frames:
@@ -61,25 +64,29 @@ def _open(files: SourceFiles, reading: Reading) -> MeshSequence:
     selected = [select_attributes(segment, reading.attributes, path) for segment in segments]
     timing = Timing.joined([run.timing for run in runs], [run.n_frames for run in runs])
     sequence = MeshSequence.of_segments(selected, timing=timing)
+    stated = None if frame_files is None or reading.fps else frame_files.timing(reading.notes)
     if len(files.paths) > 1:
         # for several files only
         from meshreel.formats.frames.numbering import note_order, timing_by_number
 
         note_order(files.paths, reading.notes)
-        timing = timing_by_number(files.paths, reading.fps or 0.0, reading.notes)
-        sequence = sequence.replace(timing=timing)
+        if stated is None:
+            stated = timing_by_number(files.paths, reading.fps or 0.0, reading.notes)
+    sequence = sequence if stated is None else sequence.replace(timing=stated)
     if has_several:
         reading.notes.combine()
         _note_segments(sequence, runs, segments, reading)
     return sequence
 
 
-def _runs(files: SourceFiles, reading: Reading) -> Iterator[FrameSource]:
+def _runs(
+    files: SourceFiles, frame_files: FrameFiles | None, reading: Reading
+) -> Iterator[FrameSource]:
     """Yield each range of frames with the same faces, of a file of meshes or of frame files."""
     path, file_format = files.paths[0], files.format
-    if not isinstance(file_format, SequenceFormat):
-        yield from read_runs(FrameFiles(files.paths, file_format), files.name, reading)
-    elif file_format.read_meshes is not None:
+    if frame_files is not None:
+        yield from read_runs(frame_files, files.name, reading)
+    elif isinstance(file_format, SequenceFormat) and file_format.read_meshes is not None:
         if len(files.paths) == 1:
             mesh = select_mesh(file_format.read_meshes, path, reading)
             yield from open_mesh(mesh, path, reading)

@@ -6,6 +6,7 @@ import pytest
 from meshreel.errors import Keyword, Message
 from meshreel.formats.load import load
 from meshreel.model.notes import Note, NoteKind, listed
+from meshreel.model.timing import UNTIMED
 from meshreel.operations.save import save
 from samples.gltf import TRIANGLE, Gltf
 from samples.meshes import two_sheets, waving_grid
@@ -242,15 +243,29 @@ OTHERS = {
         ),
         ["field data: mass", "color tables: jet"],
     ),
+    "components": (
+        "a.vtk",
+        LEGACY.format(
+            data="POINT_DATA 3\nVECTORS u float\n1 2 3 4 5 6 7 8 9\nMETADATA\nCOMPONENT_NAMES\n"
+            "u%20x\n\nuz\nINFORMATION 0\n\nSCALARS heat float\n1 2 3\n"
+        ),
+        ["names of components: u (u x, , uz)"],
+    ),
     "field data and text": (
         "a.vtp",
         XML.format(
             field='<FieldData><DataArray type="Float64" Name="TimeValue">1</DataArray>'
             f"{XML_ARRAY.format('mass', 4)}</FieldData>",
             data='<PointData><Array type="String" Name="tag">65 0 0 66 0</Array>'
-            f"{XML_ARRAY.format('heat', '1 2 3')}</PointData>",
+            f"{XML_ARRAY.format('heat', '1 2 3')}</PointData>".replace(
+                ">1", ' ComponentName0="K">1'
+            ),
         ),
-        ["field data: TimeValue, mass", "fields of text, or with more than 256 components: tag"],
+        [
+            "names of components: heat (K)",
+            "field data: mass",
+            "fields of text, or with more than 256 components: tag",
+        ],
     ),
     "another piece": (
         "a.vtp",
@@ -273,6 +288,43 @@ def test_values_of_pieces_without_an_array_are_nan(tmp_path):
     text = XML.format(field="", data=HEAT).replace("<Piece", f"{PIECE}<Piece")
     heat = load(stored(tmp_path, "a.vtp", text)).tracks["heat"].values
     np.testing.assert_array_equal(heat.ravel(), [np.nan] * 3 + [1, 2, 3])
+
+
+TIMED_XML = XML.format(
+    field=f"<FieldData>{XML_ARRAY.format('TimeValue', '{}')}</FieldData>", data=""
+)
+TIMED = {"vtp": TIMED_XML, "vtk": LEGACY.format(data="FIELD f 1\nTimeValue 1 1 double\n{}\n")}
+
+
+@pytest.mark.parametrize("extension", TIMED)
+@pytest.mark.parametrize(
+    ("times", "fault"),
+    [
+        ([2, 2.25, 3], None),
+        ([3.5], None),
+        ([0, 1, 1], "do not ascend"),
+        ([0, "nan", 2], "do not ascend"),
+        ([0, None, 2], "only 2 of 3 files have"),
+    ],
+)
+def test_times_of_frame_files_are_read_if_they_ascend(tmp_path, extension, times, fault):
+    for number, time in enumerate(times):
+        text = TIMED[extension].format(0 if time is None else time)
+        text = text if time is not None else text.replace("TimeValue", "mass")
+        stored(tmp_path, f"f_{number}.{extension}", text)
+    noted = [note for note in left_out(tmp_path) if "mass" not in note]
+    assert noted == ([] if fault is None else [f"times of files, which {fault}"])
+    sequence = load(tmp_path)
+    if fault is None:
+        assert sequence.timing.seconds(len(times)).tolist() == times
+    else:
+        assert sequence.timing == UNTIMED
+
+
+def test_frame_rate_replaces_times_of_frame_files(tmp_path):
+    for time in (0, 1, 5):
+        stored(tmp_path, f"f_{time}.vtp", TIMED_XML.format(time))
+    assert load(tmp_path, fps=4).timing.times.tolist() == [0, 0.25, 1.25]
 
 
 COFF = "COFF\n3 1 0\n0 0 0 {0}\n1 0 0 {0}\n0 1 0 {0}\n3 0 1 2\n"

@@ -38,6 +38,8 @@ class Frame:
     """What reading changes or leaves out."""
     find_hard_edges: Callable[[], HardEdges | None] | None = None
     """Returns the hard edges with figures on the normals, or None; slow."""
+    time_s: float | None = None
+    """Time that the file states, in seconds."""
 
     def surface_with_edges(self, notes: Notes, *, finds_edges: bool = True) -> Surface:
         """Return the surface with its hard edges, if those are to be found.

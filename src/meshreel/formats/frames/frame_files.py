@@ -58,6 +58,7 @@ class FrameFiles:
         self.paths: tuple[Path, ...] = tuple(paths)
         self.format = format
         self._checksums: dict[int, int] = {}
+        self._times_s: dict[int, float | None] = {}
         self._last: tuple[int, Frame] | None = None
         self.recent: deque[tuple[int, FrameSource]] = deque(maxlen=MAX_RECENT)
 
@@ -84,7 +85,26 @@ class FrameFiles:
         with errors_naming(path):
             frame = self.format.read(data)
         self._last = index, frame
+        self._times_s[index] = frame.time_s
         return frame
+
+    def timing(self, notes: Notes) -> Timing | None:
+        """Return the timing that the files state, once all are read.
+
+        None if they state no times, or with a note if some do not, or the times do not ascend.
+        """
+        times_s = [time for _, time in sorted(self._times_s.items()) if time is not None]
+        if (
+            len(times_s) == len(self)
+            and (np.diff(times_s) > 0).all()
+            and np.isfinite(times_s).all()
+        ):
+            return Timing.of_times(times_s)
+        if times_s:
+            n_files = f"{len(times_s)} of {len(self)} files"
+            reason = "do not ascend" if len(times_s) == len(self) else f"only {n_files} have"
+            notes.left_out(f"times of files, which {reason}")
+        return None
 
 
 def read_runs(files: FrameFiles, name: str, reading: Reading) -> Iterator[FrameSource]:

@@ -117,6 +117,8 @@ class Step:
     """Arrays of vertices, and those of cells with the domain of faces."""
     left_out: LeftOut = ()
     """What else the file contains, for notes."""
+    time_s: float | None = None
+    """Time that the file states, in seconds."""
 
     @cached_property
     def arrays(self) -> list[DataArray]:
@@ -222,7 +224,7 @@ class Step:
             is_track = field.is_track or not is_attribute
             fields[array.key] = values, replace(field, is_track=is_track)
         surface = self.attributes(attributes, notes)
-        return Frame(self.mesh, surface, fields, notes)
+        return Frame(self.mesh, surface, fields, notes, time_s=self.time_s)
 
 
 def _contents(array: DataArray) -> object:
@@ -374,8 +376,8 @@ class Piece:
         arrays = (_with_values(each, each.read()[rows[each.domain]]) for each in self.arrays)
         return Piece(self.points, cells, tuple(arrays))
 
-    def step(self, left_out: LeftOut) -> Step:
-        """Return the mesh with its surface; `left_out` is that of `Step`.
+    def step(self, left_out: LeftOut, time_s: float | None = None) -> Step:
+        """Return the mesh with its surface; the parameters are those of `Step`.
 
         Raises
         ------
@@ -389,7 +391,7 @@ class Piece:
             add_field(fields, array.key, array.describe())
         points, n_cells = self.points, len(self.cells.types)
         surface = cell_mesh(self.cells, len(points))
-        return Step(len(points), n_cells, surface, lambda: points, self.arrays, left_out)
+        return Step(len(points), n_cells, surface, lambda: points, self.arrays, left_out, time_s)
 
 
 def join_pieces(

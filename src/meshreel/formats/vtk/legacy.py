@@ -31,7 +31,7 @@ from meshreel.formats.surfaces.cells import (
     VTK_POLYHEDRON,
     Cells,
 )
-from meshreel.formats.vtk.xml_arrays import DERIVED
+from meshreel.formats.vtk.xml_arrays import COMPONENTS, DERIVED, TIMES
 from meshreel.model.sequence import Vertices
 from meshreel.model.surface import Domain
 
@@ -170,6 +170,8 @@ class _LegacyReader:
         self._domain: Domain | None = None
         self._n_values = 0
         self._left_out: list[tuple[str, str]] = []
+        self._time_s: float | None = None
+        self._last = "points", 3  # name and width of the array that metadata belongs to
 
     def read(self) -> Step:
         """Parse the whole file."""
@@ -192,7 +194,7 @@ class _LegacyReader:
             types = np.where(self._types == VTK_POLYHEDRON, POLYHEDRON, self._types)
             cells = replace(cells, types=types)
         arrays = tuple(array for arrays in self._arrays.values() for array in arrays)
-        return Piece(self._points, cells, arrays).step(self._left_out)
+        return Piece(self._points, cells, arrays).step(self._left_out, self._time_s)
 
     def _section(self, keyword: str, args: list[str]) -> None:
         match keyword:
@@ -254,6 +256,7 @@ class _LegacyReader:
             raise FormatError(f"has an unknown section {keyword[:40]!r}")
 
     def _add(self, name: str, kind: str, width: int, role: str = "") -> None:
+        self._last = unquote(name), width
         values = self._tokens.numbers(self._n_values * width, kind).reshape(-1, width)
         if role == COLORS and self._tokens.is_text:  # ASCII files store colors as 0..1 floats
             values = (255 * np.clip(np.nan_to_num(values), 0, 1) + 0.5).astype(np.uint8)
@@ -269,7 +272,11 @@ class _LegacyReader:
             if words[0] == "NAME" and words[1] not in DERIVED:
                 self._left_out.append(("metadata", words[1]))
             elif words[0] == "COMPONENT_NAMES":
-                self._left_out.append(("metadata", "names of components"))
+                name, width = self._last
+                components: list[str] = []
+                while len(components) < width and not self._tokens.is_done:
+                    components.append(unquote(self._tokens.raw_line()))
+                self._left_out.append((COMPONENTS, f"{name} ({', '.join(components)})"))
 
     def _field_array(self) -> None:
         line = self._tokens.line()
@@ -277,10 +284,13 @@ class _LegacyReader:
             self._section("METADATA", [])
             line = self._tokens.line()
         name, width, count, kind = line
+        self._last = unquote(name), int(width)
         values = self._tokens.numbers(int(width) * int(count), kind)
         if self._domain is not None and int(count) == self._n_values:
             values = values.reshape(self._n_values, int(width))
             self._arrays[self._domain].append(loaded_array(self._domain, unquote(name), values))
+        elif name in TIMES and len(values) == 1:
+            self._time_s = float(values[0])
         else:
             self._left_out.append(("field data", unquote(name)))
 

@@ -28,9 +28,6 @@ from meshreel.model.notes import Notes, listed
 from meshreel.model.surface import Surface
 from meshreel.model.tracks import TrackSource
 
-TIMES = ("TimeValue", "TIME")
-"""Field data with the time of a file; the time in the collection takes precedence."""
-
 READERS = {".vtu": read_vtk_xml, ".vtp": read_vtk_xml, ".vtk": read_vtk_legacy}
 READABLE = (*READERS, ".pvtu", ".pvtp")
 
@@ -145,9 +142,7 @@ def _read_step(path: Path, time: float, reading: Reading) -> Step:
     with errors_naming(path):
         try:
             reader = READERS.get(extension)
-            step = read_vtk_xml(data, read_piece) if reader is None else reader(data)
-            left_out = [item for item in step.left_out if item[1] not in TIMES]
-            return replace(step, left_out=left_out)
+            return read_vtk_xml(data, read_piece) if reader is None else reader(data)
         except EmptyMeshError as error:
             remedy = f"; leave out the step at time {time:g}, and others without faces, with "
             raise EmptyMeshError(*error.args, remedy, Keyword("skip_bad", True)) from None

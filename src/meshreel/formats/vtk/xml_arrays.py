@@ -83,6 +83,13 @@ DERIVED = {
 """Tags and names of elements without contents of their own, and the reason."""
 
 
+TIMES = ("TimeValue", "TIME")
+"""Field data with the time of a file in seconds, as of ParaView, deal.II and VisIt."""
+
+COMPONENTS = "names of components"
+"""How notes name the names that files give to the components of arrays."""
+
+
 def unread(parents: Iterable[Element], taken: Collection[Element]) -> Iterator[tuple[str, str]]:
     """Yield the subject and name, for notes, of each child of elements that is not taken."""
     for parent in parents:

@@ -37,8 +37,10 @@ from meshreel.formats.surfaces.cells import (
 )
 from meshreel.formats.vtk.xml_arrays import (
     ATTRIBUTE_KIND,
+    COMPONENTS,
     NUMBERS,
     TEXT,
+    TIMES,
     TRACK_KIND,
     UNITS,
     UNPACKERS,
@@ -69,15 +71,15 @@ def read_vtk_xml(data: bytes, read_piece: Callable[[str], bytes] | None = None) 
     FormatError
         If the data is not such a file, or is damaged.
     """
-    pieces, left_out = _read_pieces(data, read_piece)
+    pieces, left_out, time_s = _read_pieces(data, read_piece)
     piece, others = join_pieces(pieces)
-    return piece.step([*left_out, *others])
+    return piece.step([*left_out, *others], time_s)
 
 
 def _read_pieces(
     data: bytes, read_piece: Callable[[str], bytes] | None
-) -> tuple[list[Piece], LeftOut]:
-    """Return the pieces of a file, and the contents that are left out."""
+) -> tuple[list[Piece], LeftOut, float | None]:
+    """Return the pieces of a file, the contents that are left out, and the time if it has one."""
     appended, is_raw = b"", False
     if data.startswith(b"# vtk"):
         raise FormatError("is a legacy file of VTK; give it the extension .vtk")
@@ -103,13 +105,21 @@ def _read_pieces(
     left_out: list[tuple[str, str]] = []
     for element in elements:
         if is_parallel and read_piece is not None:
-            others, names = _read_pieces(read_piece(element.get("Source", "")), None)
+            others, names, _ = _read_pieces(read_piece(element.get("Source", "")), None)
             pieces += others
             left_out += names
         else:
             pieces.append(_piece(element, coding, is_grid=kind == "UnstructuredGrid"))
+    time_s = None
+    for element in root.iterfind(f"{kind}/FieldData/DataArray"):
+        if element.get("Name") in TIMES and element.get("NumberOfTuples", "1") == "1":
+            time_s = float(coding.read(element, 1).flat[0])
+    for element in root.iter(LEAVES[1]):
+        components = [text for key, text in element.items() if key.startswith("ComponentName")]
+        if components:
+            left_out.append((COMPONENTS, f"{element.get('Name')} ({', '.join(components)})"))
     parents = (element for element in root.iter() if element.tag != LEAVES[0])
-    return pieces, [*left_out, *unread(parents, coding.taken | containers)]
+    return pieces, [*left_out, *unread(parents, coding.taken | containers)], time_s
 
 
 def _coding(root: Element, appended: bytes, is_raw: bool) -> ArrayCoding:
