@@ -33,8 +33,11 @@ HELPERS = ("__init__", "items")
 LIBRARIES = {"usd": "pxr"}
 """Libraries that modules of `contents` import at once; without them, their formats are omitted."""
 
-BY_VTK = (".vtu", ".vtp", ".vtk", ".pvd", ".case", ".encas")
-"""Formats whose walk reads with the library vtk."""
+BY_VTK = (
+    ".vtu", ".vtp", ".vtk", ".pvd", ".case", ".encas", ".e", ".ex2", ".exo", ".g", ".cgns", ".foam",
+    ".cas",
+)  # fmt: skip
+"""Formats that our readers or the walks read with the library vtk."""
 
 FORK = multiprocessing.get_context("fork")
 """Starts processes that have imported all libraries already."""

@@ -139,5 +139,5 @@ def _values(
         sort = Sort.COLOR if is_color else Sort.UV
     is_known = is_plain and not is_text and sort is not Sort.COLOR
     numbers = [np.ravel(np.array(value)) for value in _samples(parent, header)]
-    ranges = np.concatenate(numbers) if is_known else None
-    yield Item(sort, title, ranges, (name, "normals" if name == "N" else ""))
+    values = np.concatenate(numbers) if is_known else None
+    yield Item(sort, title, values, (name, "normals" if name == "N" else ""))

@@ -36,7 +36,7 @@ def walk(path: Path) -> Iterator[Item]:
 
 
 def walk_drc(path: Path) -> Iterator[Item]:
-    """Yield the attributes of a Draco file; points may be welded, which keeps their ranges."""
+    """Yield the attributes of a Draco file; points may be welded."""
     import DracoPy
 
     mesh = DracoPy.decode(path.read_bytes())

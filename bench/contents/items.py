@@ -17,7 +17,7 @@ from meshreel.model.surface import Kind
 from meshreel.model.tracks import TrackKind, is_color
 
 TOLERANCE = 1e-5
-"""Allowed difference of ranges, relative to the largest value: single precision, after sums."""
+"""Allowed difference of values, relative to the largest one: single precision, after sums."""
 
 COLOR_TOLERANCE = 0.6 / 255
 """Allowed difference of colors, which some formats store as bytes."""
@@ -27,7 +27,7 @@ class Sort(StrEnum):
     """Sorts of items; items of different sorts never match."""
 
     POSITIONS = "positions"
-    """Vertices, with the range of all their coordinates where no transform moves them."""
+    """Vertices, with all their coordinates where no transform moves them."""
     FACES = "faces"
     """Faces or cells; `values` is their number."""
     DATA = "data"
@@ -69,7 +69,7 @@ class Item:
     name: str
     """Name in the file, possibly a path of which the last part counts."""
     values: npt.ArrayLike | None = None
-    """All its numbers, of which the range is compared; None if only the name is."""
+    """All its numbers, with components on the last axis; None if only the name is compared."""
     words: tuple[str, ...] = ()
     """Words by which a note may name it, such as "cameras"; its name always counts."""
 
@@ -81,15 +81,23 @@ class Item:
     def matches(self, other: "Item") -> bool:
         """Return whether another item holds the same value."""
         is_named_alike = self.sort in NAMELESS or self.leaf == other.leaf
-        return self.sort is other.sort and is_named_alike and self._has_range_of(other)
+        return self.sort is other.sort and is_named_alike and self._is_held_by(other)
 
-    def _has_range_of(self, other: "Item") -> bool:
+    def _is_held_by(self, other: "Item") -> bool:
+        """Return whether the values, and rows of components, are among those of another item."""
         if self.values is None or other.values is None:
             return True
-        ranges = [range_of(values) for values in (self.values, other.values)]
-        scale = max(1e-30, *(abs(end) for both in ranges for end in both))
+        ours, theirs = (np.asarray(values, np.float64) for values in (self.values, other.values))
+        numbers = finite(ours), finite(theirs)
+        scale = max(1e-30, *(abs(end) for both in numbers for end in (*both[:1], *both[-1:])))
         allowed = COLOR_TOLERANCE if self.sort is Sort.COLOR else TOLERANCE * scale
-        return all(abs(a - b) <= allowed for a, b in zip(*ranges, strict=True))
+        if not are_among(*numbers, allowed):
+            return False
+        if min(ours.ndim, theirs.ndim) < 2 or ours.shape[-1] != theirs.shape[-1]:
+            return True
+        weights = np.sqrt(np.arange(ours.shape[-1]) + 2)  # tell exchanged components apart
+        rows = finite(ours @ weights), finite(theirs @ weights)
+        return are_among(*rows, allowed * weights.sum())
 
     def is_named_in(self, notes: Iterable[str], listed: Collection[str] = ()) -> bool:
         """Return whether a note contains its name or one of its words, as whole words.
@@ -120,22 +128,39 @@ def timed(times: Sequence[float] | Floats) -> Iterator[Item]:
         yield Item(Sort.TIMES, "times", times, ("frame rate", "frame times", "start"))
 
 
-def range_of(values: npt.ArrayLike) -> tuple[float, float]:
-    """Return the smallest and the largest finite number; zeros if there is none."""
-    numbers = np.asarray(values, np.float64)
-    finite = numbers[np.isfinite(numbers)]
-    return (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
+def finite(values: Floats) -> Floats:
+    """Return the finite numbers in ascending order."""
+    numbers: Floats = np.sort(values[np.isfinite(values)])
+    return numbers
+
+
+def are_among(ours: Floats, theirs: Floats, allowed: float) -> bool:
+    """Return whether ascending numbers are among others with the same range.
+
+    If they are as many, each number must occur as often.
+    """
+    if not len(ours) or not len(theirs):
+        return not len(ours)
+    if len(ours) == len(theirs):
+        return bool((abs(ours - theirs) <= allowed).all())
+    after = np.searchsorted(theirs, ours).clip(max=len(theirs) - 1)
+    nearest = np.minimum(abs(ours - theirs[after]), abs(ours - theirs[after - (after > 0)]))
+    is_wider = max(ours[0] - theirs[0], theirs[-1] - ours[-1]) > allowed
+    return bool((nearest <= allowed).all()) and not is_wider
 
 
 def merged(items: Iterable[Item]) -> Iterator[Item]:
-    """Yield an item for all of a sort and name, as of several frames, with their joint range."""
+    """Yield an item for all of a sort and name, as of several frames, with all their values."""
     groups: dict[tuple[Sort, str], list[Item]] = defaultdict(list)
     for item in items:
         groups[item.sort, item.name].append(item)
     for (sort, name), same in groups.items():
-        ranges = [range_of(item.values) for item in same if item.values is not None]
-        is_known = len(ranges) == len(same) and (sort is not Sort.FACES or len(same) == 1)
-        yield Item(sort, name, ranges if is_known else None, same[0].words)
+        values = [np.asarray(item.values) for item in same if item.values is not None]
+        is_known = len(values) == len(same) and (sort is not Sort.FACES or len(same) == 1)
+        if len({array.shape[1:] for array in values}) > 1:
+            values = [array.ravel() for array in values]
+        joined = np.concatenate([*map(np.atleast_1d, values)]) if is_known else None
+        yield Item(sort, name, joined, same[0].words)
 
 
 @dataclass(frozen=True)
@@ -182,13 +207,14 @@ def items_of(sequence: MeshSequence) -> Iterator[Item]:
 
 def _items_of(segment: FrameSource) -> Iterator[Item]:
     surface, n_faces = segment.surface, len(segment.faces)
-    extent = segment.extent
-    yield Item(Sort.POSITIONS, "positions", [extent.low, extent.high])
+    positions = segment.read(0, segment.n_frames)
+    yield Item(Sort.POSITIONS, "positions", positions.reshape(-1, 3))
     yield Item(Sort.FACES, "faces", surface.n_faces(n_faces))
     if surface.cells is not None:
         yield Item(Sort.FACES, "cells", surface.cells.n_cells)
     for name, track in segment.tracks.items():
-        values = np.stack([track.read(frame, frame + 1) for frame in range(segment.n_frames)])
+        values = track.read(0, segment.n_frames)
+        values = values.reshape(-1, values.shape[-1])
         is_plain = track.kind is TrackKind.COLOR and not is_color(track.kind, track.dtype)
         values = _colors(values) if is_color(track.kind, track.dtype) else values
         yield from valued(name, values, "" if is_plain else track.kind.value, track.unit)

@@ -52,7 +52,9 @@ def walk(path: Path) -> Iterator[Item]:
                 columns = {column: rows[column] for column in columns}
         if name == "vertex":
             axes = [columns.pop(axis) for axis in "xyz"]
-            yield Item(Sort.POSITIONS, "vertex", None if axes[0] is None else axes)
+            yield Item(
+                Sort.POSITIONS, "vertex", None if axes[0] is None else np.stack(axes, axis=1)
+            )
         else:
             yield Item(Sort.FACES, "face", n_rows)
         for column, values in columns.items():

@@ -199,7 +199,7 @@ def _metadata(item: Any) -> Iterator[Item]:
 
 
 def _mesh(prim: Usd.Prim, *, is_alone: bool) -> Iterator[Item]:
-    """Yield what a rendered mesh holds, with ranges of values if it is the only one."""
+    """Yield what a rendered mesh holds, with values if it is the only one."""
     path, mesh, codes = str(prim.GetPath()), UsdGeom.Mesh(prim), _samples(prim, "points", "xformOp")
     is_moved = any(re.match("xformOp|primvars:skel|skel", a.GetName()) for a in _attributes(prim))
     points = [np.asarray(mesh.GetPointsAttr().Get(code)) for code in codes]

@@ -71,7 +71,7 @@ def walk_file(path: Path) -> Iterator[Item]:
             array = data.GetAbstractArray(index)
             for item in _items(array, data.GetNormals() is array, data.GetTCoords() is array):
                 is_color = item.sort is Sort.COLOR or declared.get(item.name) == "color"
-                are_kept = data is mesh.GetPointData() or not {*kinds} & {*LINES}
+                are_kept = data is mesh.GetPointData() or not {*kinds} & {0, *LINES}
                 values = item.values if are_kept and is_color == (item.sort is Sort.COLOR) else None
                 yield replace(item, sort=Sort.COLOR if is_color else item.sort, values=values)
     for index in range(mesh.GetFieldData().GetNumberOfArrays()):

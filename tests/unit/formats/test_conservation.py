@@ -61,9 +61,11 @@ SEQUENCES = {
 @pytest.mark.parametrize(
     ("other", "note", "is_silent"),
     [
-        (Item(Sort.DATA, "/root/Heat", [0, 2]), "", False),
-        (Item(Sort.DATA, "heat", [0, 3]), "", True),
-        (Item(Sort.DATA, "cold", [0, 2]), "", True),
+        (Item(Sort.DATA, "/root/Heat", [2, 1, 0, 1 + 1e-7]), "", False),
+        (Item(Sort.DATA, "heat", [0, 2]), "", True),
+        (Item(Sort.DATA, "heat", [0, 1, 3, 2]), "", True),
+        (Item(Sort.DATA, "heat", [0, 0, 2]), "", True),
+        (Item(Sort.DATA, "cold", [0, 1, 2]), "", True),
         (Item(Sort.GROUP, "heat"), "", True),
         (
             Item(Sort.GROUP, "heat"),
@@ -77,6 +79,13 @@ SEQUENCES = {
 def test_value_is_silent_unless_it_is_kept_or_named(other, note, is_silent):
     item = Item(Sort.DATA, "Mesh:heat", [0, 1, 2], ("temperatures",))
     assert balance([item], [other], [note]).silent == (("data Mesh:heat",) if is_silent else ())
+
+
+def test_exchanged_components_are_silent():
+    rows = np.array([[0, 3], [1, 2], [2, 1], [3, 0.5], [0.5, 0]])
+    item, others = (Item(Sort.DATA, "heat", values) for values in (rows, rows[::-1]))
+    assert item.matches(others)
+    assert not item.matches(Item(Sort.DATA, "heat", rows[:, ::-1]))
 
 
 @pytest.mark.slow

@@ -46,11 +46,11 @@ from meshreel.formats.surfaces.cells import VTK_POLYHEDRON, Cells, CellSurface, 
 from meshreel.model.surface import Domain
 from meshreel.runtime.extras import VTK
 
-EXODUS, OPENFOAM, FLUENT = "Exodus II", "OpenFOAM", "Fluent"
+EXODUS, OPENFOAM, CGNS, FLUENT = "Exodus II", "OpenFOAM", "CGNS", "Fluent"
 READERS = {
     EXODUS: ("vtkIOExodus", "vtkExodusIIReader", (".e", ".ex2", ".exo", ".g")),
     OPENFOAM: ("vtkIOGeometry", "vtkOpenFOAMReader", (".foam",)),
-    "CGNS": ("vtkIOCGNSReader", "vtkCGNSReader", (".cgns",)),
+    CGNS: ("vtkIOCGNSReader", "vtkCGNSReader", (".cgns",)),
     FLUENT: ("vtkIOGeometry", "vtkFLUENTReader", (".cas",)),
 }
 """Module, class and file extensions of the reader of each format."""
@@ -60,6 +60,20 @@ SETTINGS = ("EnableAllBases", "EnableAllPointArrays", "EnableAllCellArrays", "Cr
 
 UNREAD = ("NODE_SET", "SIDE_SET", "ELEM_SET", "EDGE_SET", "FACE_SET", "EDGE_BLOCK", "FACE_BLOCK")
 """Objects of Exodus II that are not read."""
+
+USER_NUMBERS = {"node_num_map", "elem_num_map"}
+"""Variables of Exodus II with user numbers."""
+
+OPENFOAM_MESH = {"points", "faces", "owner", "neighbour", "boundary"}
+"""Files of a mesh that moves."""
+
+CGNS_NODES = {
+    "CGNSLibraryVersion_t", "CGNSBase_t", "Zone_t", "ZoneType_t", "ZoneBC_t", "GridCoordinates_t",
+    "Elements_t", "FlowSolution_t", "DataArray_t", "GridLocation_t", "IndexRange_t", "IndexArray_t",
+    "Rind_t", "BaseIterativeData_t", "ZoneIterativeData_t", "ZoneGridConnectivity_t",
+    '"int[IndexDimension]"',
+}  # fmt: skip
+"""Labels of the nodes of CGNS that are read, or hold others."""
 
 CELL_ZONES = ("fluid", "solid")
 """Types of zones of Fluent that have cells."""
@@ -165,6 +179,9 @@ def store(title: str, path: str, folder: str) -> None:
     reader.SetFileName(path)
     reader.UpdateInformation()
     left_out = [*_configure(reader)]
+    if unread := UNREAD_CONTENTS.get(title):
+        with suppress(ImportError, TypeError):  # without h5py, or 64-bit netCDF-3
+            left_out += unread(reader)
     key = pipeline.vtkStreamingDemandDrivenPipeline.TIME_STEPS()
     times = reader.GetOutputInformation(0).Get(key)
     steps: list[Any] = []
@@ -254,24 +271,95 @@ def _configure(reader: Any) -> Iterator[tuple[str, str]]:
         for kind in (reader.NODAL, reader.ELEM_BLOCK, reader.GLOBAL):
             reader.SetAllArrayStatus(kind, 1)
         for unread in UNREAD:
-            for index in range(reader.GetNumberOfObjects(kind := getattr(reader, unread))):
-                subject = f"{unread.lower().replace('_', ' ')}s"
+            kind, subject = getattr(reader, unread), f"{unread.lower().replace('_', ' ')}s"
+            for index in range(reader.GetNumberOfObjects(kind)):
                 yield subject, _text(reader.GetObjectName(kind, index))
+            for index in range(reader.GetNumberOfObjectArrays(kind)):
+                yield f"results of {subject}", _text(reader.GetObjectArrayName(kind, index))
+        for block in range(reader.GetNumberOfObjects(kind := reader.ELEM_BLOCK)):
+            for index in range(reader.GetNumberOfObjectAttributes(kind, block)):
+                yield "attributes", _text(reader.GetObjectAttributeName(kind, block, index))
+
+
+def _user_numbers(reader: Any) -> Iterator[tuple[str, str]]:
+    """Yield subject and name of numbers of nodes and elements in Exodus II, unless from 1 on."""
+    path = reader.GetFileName()
+    with Path(path).open("rb") as start:
+        is_classic = start.read(3) == b"CDF"
+    # VTK crashes when it reads the numbers of nodes that no element has.
+    library: Any = import_module("scipy.io" if is_classic else "h5py")
+    with library.netcdf_file(path) if is_classic else library.File(path) as file:
+        variables = (file.variables if is_classic else file).items()
+        maps = {name: np.array(values[:]) for name, values in variables if name in USER_NUMBERS}
+        del variables  # or the file cannot be closed
+    for name, numbers in maps.items():
+        if (numbers != np.arange(1, len(numbers) + 1)).any():
+            yield "user numbers", name
+
+
+def _other_nodes(reader: Any) -> Iterator[tuple[str, str]]:
+    """Yield label and name of the nodes of CGNS that VTK does not read, such as boundaries."""
+    nodes: dict[tuple[str, str], None] = {}
+    solutions, pointers = dict[str, None](), set[str]()
+
+    def visit(path: str, node: Any) -> None:
+        label = bytes(node.attrs.get("label", b"")).partition(b"\0")[0].decode("latin-1")
+        name = path.rpartition("/")[2]
+        if name == "FlowSolutionPointers":
+            pointers.update(node[" data"][()].tobytes().decode("latin-1").split())
+        elif label == "FlowSolution_t":
+            solutions[name] = None
+        elif label and label not in CGNS_NODES:
+            nodes[f"nodes {label}", name] = None
+
+    try:
+        with import_module("h5py").File(reader.GetFileName()) as file:
+            file.visititems(visit)
+        others = (name for name in solutions if pointers and name not in pointers)
+        nodes |= {("solutions that no step refers to", name): None for name in others}
+    except OSError:  # the older encoding ADF
+        nodes["nodes", "all but coordinates, elements and solutions"] = None
+    yield from nodes
+
+
+def _other_files(reader: Any) -> Iterator[tuple[str, str]]:
+    """Yield the files of a case of OpenFOAM that VTK does not read, such as fluxes and zones."""
+    folder = Path(reader.GetFileName()).parent
+    kinds = ("Cell", "Point", "Lagrangian")
+    names = {
+        getattr(reader, f"Get{kind}ArrayName")(index)
+        for kind in kinds
+        for index in range(getattr(reader, f"GetNumberOf{kind}Arrays")())
+    }
+    for pattern in ("[0-9]*/**/*", "constant/**/*Zones", "constant/**/sets/*"):
+        for file in sorted(folder.glob(pattern)):
+            if file.is_file() and file.name.removesuffix(".gz") not in names | OPENFOAM_MESH:
+                yield "files", str(file.relative_to(folder))
+    yield "units", "dimensions of fields"
+
+
+UNREAD_CONTENTS = {EXODUS: _user_numbers, OPENFOAM: _other_files, CGNS: _other_nodes}
+"""Functions that list what the readers of VTK do not tell."""
+
+
+def _blocks(output: Any) -> Iterator[tuple[str, Any]]:
+    """Yield the name, empty if there is none, and the mesh of each block that has points."""
+    blocks = output.NewIterator()
+    blocks.InitTraversal()
+    while not blocks.IsDoneWithTraversal():
+        name = _text(blocks.GetCurrentMetaData().Get(output.NAME()))
+        block = blocks.GetCurrentDataObject()
+        if block.GetNumberOfPoints():
+            yield "" if UNNAMED.fullmatch(name) else name, block
+        blocks.GoToNextItem()
 
 
 def _pieces(output: Any, left_out: list[tuple[str, str]]) -> Iterator[Piece]:
     """Yield the blocks of a step; append the contents that are left out to the list."""
     filters: Any = import_module("vtkmodules.vtkFiltersCore")
-    iterator, blocks = output.NewIterator(), []
-    iterator.InitTraversal()
-    while not iterator.IsDoneWithTraversal():
-        name = _text(iterator.GetCurrentMetaData().Get(output.NAME()))
-        blocks.append(("" if UNNAMED.fullmatch(name) else name, iterator.GetCurrentDataObject()))
-        iterator.GoToNextItem()
+    blocks = [*_blocks(output)]
     are_named = any(name for name, _ in blocks)
     for block_name, block in blocks:
-        if not block.GetNumberOfPoints():
-            continue
         converter = filters.vtkAppendFilter()  # to an unstructured grid
         converter.AddInputData(block)
         converter.Update()

@@ -62,6 +62,7 @@ def exodus_of_vtk(path):
     assert writer.Write()
     with netcdf_file(path, "a") as file:
         row = file.variables["eb_prop1"][:].tolist().index(7)
+        file.createVariable("elem_num_map", "i4", ("num_elem",))[:] = [4, 9]
         file.variables["eb_names"][row, :5] = np.frombuffer(b"steel", "S1")
 
 
@@ -101,6 +102,8 @@ def write_open_foam(path, content=HEXAHEDRAL):
         boundary = "boundaryField { walls { type zeroGradient; } }"
         folder = path.parent / f"{step * STEP_S:g}"
         foam(folder, "tension", "volScalarField", f"{text} {boundary}")
+    foam(path.parent / "0", "phi", "surfaceScalarField", "internalField uniform 0;")
+    foam(mesh, "cellZones", "regIOobject", "0()")
     path.touch()
     return path
 
@@ -152,8 +155,8 @@ def test_exodus_is_read_exactly_and_its_blocks_are_joined(exodus, notes):
     assert names.labels == ("steel",)
     assert numbers.tolist() == [[0, -1][row] for row in rows]
     assert set(names.numbers.tolist()) == {0, -1}
-    assert notes[0] == "left out: field data: Title"
-    assert notes[1].startswith("the mesh does not move, and its track Displacement may be its disp")
+    assert notes[:2] == ["left out: user numbers: elem_num_map", "left out: field data: Title"]
+    assert notes[2].startswith("the mesh does not move, and its track Displacement may be its disp")
 
 
 def test_frames_of_exodus_are_read_on_demand(exodus, tmp_path, monkeypatch):
@@ -185,7 +188,11 @@ def test_open_foam_is_read(tmp_path, notes):
     assert result.tracks.keys() == {"tension"}
     expected = np.outer(np.arange(N_STEPS), TENSION).astype(np.float32)
     np.testing.assert_array_equal(result.tracks["tension"].values[..., 0], expected)
-    assert notes == ["left out: patches: patch/walls"]
+    assert notes == [
+        "left out: patches: patch/walls",
+        "left out: files: 0/phi, constant/polyMesh/cellZones",
+        "left out: units: dimensions of fields",
+    ]
 
 
 def test_cells_of_fluent_are_read(tmp_path, notes):
