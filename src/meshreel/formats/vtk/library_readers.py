@@ -13,7 +13,7 @@ import signal
 import subprocess
 import sys
 import weakref
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -78,8 +78,8 @@ CGNS_NODES = {
 CELL_ZONES = ("fluid", "solid")
 """Types of zones of Fluent that have cells."""
 
-BLOCK_NAMES = "block name"
-"""Name of the groups of faces and cells by block, or by zone."""
+BLOCK_NAMES = Domain.FACE, "block name"
+"""Key of the names of blocks or zones, which become groups of faces and cells."""
 
 NO_NAME = "(no name)"
 UNNAMED = re.compile(rf"Unnamed block ID: \d+|internalMesh|{re.escape(NO_NAME)}")
@@ -123,10 +123,11 @@ def read_with_library(title: str, path: Path, reading: Reading) -> Sequence[Scen
     contents = json.loads((steps.folder / CONTENTS).read_text("utf-8"))
     reading.notes.left_out_items(contents["left_out"])
     steps.rows = contents["steps"]
-    steps.arrays = [
-        RawArray(steps.folder / ARRAYS, start_byte, tuple(shape), np.dtype(code))
-        for start_byte, shape, code in contents["arrays"]
-    ]
+    for number, (start_byte, shape, code) in enumerate(contents["arrays"]):
+        stored = RawArray(steps.folder / ARRAYS, start_byte, tuple(shape), np.dtype(code))
+        field = Field(stored.dtype, math.prod(shape[1:]))
+        read = partial(stored.read, 0, shape[0])
+        steps.arrays.append((read, partial(identity, number), partial(identity, field)))
     times_s = ascending_times(np.array(contents["times"]), "step", reading)
     frames = StepFrames(steps.step, reading.notes)
     return [SceneMesh(path.stem, times_s, frames.frame, frames.surface, tracks=frames.tracks)]
@@ -138,36 +139,26 @@ class _StoredSteps:
     def __init__(self) -> None:
         self.folder = Path(mkdtemp(prefix="meshreel-vtk-"))
         weakref.finalize(self, rmtree, self.folder, ignore_errors=True)
-        self.arrays: Sequence[RawArray] = ()
+        self.arrays: list[tuple[Callable[..., Any], ...]] = []
+        """What reads, identifies and describes each array, as of `DataArray`."""
         self.rows: Sequence[Any] = ()
-        """Numbers of the arrays of each step: of its cells, points and data."""
-        self._surfaces: dict[object, CellSurface] = {}  # the last one
-        self._steps: dict[int, Step] = {}  # those with that surface
+        """Numbers of points and cells of each step, and numbers of its arrays: of its cells, points
+        and data."""
+        self._last: tuple[object, CellSurface] | None = None
+        self._steps: dict[int, Step] = {}  # those with the last surface
 
     def step(self, index: int) -> Step:
         """Return a step, whose values are read on demand."""
         if index in self._steps:
             return self._steps[index]
-        cell_arrays, point_array, data = self.rows[index]
-        points = self.arrays[point_array]
-        types, counts, nodes = (self.arrays[number] for number in cell_arrays)
-        n_points, n_cells = points.shape[0], types.shape[0]
-        if (key := (*cell_arrays, n_points)) not in self._surfaces:
-            cells = Cells(*(array.read(0, array.shape[0]) for array in (types, counts, nodes)))
-            self._surfaces, self._steps = {key: cell_mesh(cells, n_points)}, {}
-        arrays = [_data_array(number, self.arrays[number], *key) for number, *key in data]
-        read_points = partial(points.read, 0, n_points)
-        step = Step(n_points, n_cells, self._surfaces[key], read_points, arrays)
+        n_points, n_cells, cells, points, data = self.rows[index]
+        if self._last is None or self._last[0] != (n_points, cells):
+            surface = cell_mesh(Cells(*(self.arrays[number][0]() for number in cells)), n_points)
+            self._last, self._steps = ((n_points, cells), surface), {}
+        arrays = [DataArray(Domain(key), name, *self.arrays[number]) for number, key, name in data]
+        step = Step(n_points, n_cells, self._last[1], self.arrays[points][0], arrays)
         self._steps[index] = step
         return step
-
-
-def _data_array(number: int, stored: RawArray, domain: str, name: str) -> DataArray:
-    field = Field(stored.dtype, math.prod(stored.shape[1:]))
-    read = partial(stored.read, 0, stored.shape[0])
-    return DataArray(
-        Domain(domain), name, read, partial(identity, number), partial(identity, field)
-    )
 
 
 def store(title: str, path: str, folder: str) -> None:
@@ -195,19 +186,14 @@ def store(title: str, path: str, folder: str) -> None:
             mesh, others = join_pieces(pieces, same_points=title == EXODUS)
             left_out += others
             cells = _with_positive_wedges(mesh) if title in (OPENFOAM, FLUENT) else mesh.cells
-            steps.append(
-                (
-                    [arrays.add(values) for values in vars(cells).values()],
-                    arrays.add(mesh.points),
-                    [(arrays.add(array.read()), *array.key) for array in mesh.arrays],
-                )
-            )
-    contents = {
-        "times": times or [0.0],
-        "arrays": arrays.descriptions,
-        "steps": steps,
-        "left_out": [*dict.fromkeys(left_out)],
-    }
+            values = {array.key: array.read() for array in mesh.arrays}
+            if not (values[BLOCK_NAMES] != "").any():
+                del values[BLOCK_NAMES]
+            mesh_arrays = [*map(arrays.add, vars(cells).values())], arrays.add(mesh.points)
+            data = [(arrays.add(array), *key) for key, array in values.items()]
+            steps.append((len(mesh.points), len(cells.types), *mesh_arrays, data))
+    contents: Any = {"times": times or [0.0], "arrays": arrays.descriptions, "steps": steps}
+    contents["left_out"] = [*dict.fromkeys(left_out)]
     Path(folder, CONTENTS).write_text(json.dumps(contents), "utf-8")
 
 
@@ -342,32 +328,24 @@ UNREAD_CONTENTS = {EXODUS: _user_numbers, OPENFOAM: _other_files, CGNS: _other_n
 """Functions that list what the readers of VTK do not tell."""
 
 
-def _blocks(output: Any) -> Iterator[tuple[str, Any]]:
-    """Yield the name, empty if there is none, and the mesh of each block that has points."""
-    blocks = output.NewIterator()
-    blocks.InitTraversal()
-    while not blocks.IsDoneWithTraversal():
-        name = _text(blocks.GetCurrentMetaData().Get(output.NAME()))
-        block = blocks.GetCurrentDataObject()
-        if block.GetNumberOfPoints():
-            yield "" if UNNAMED.fullmatch(name) else name, block
-        blocks.GoToNextItem()
-
-
 def _pieces(output: Any, left_out: list[tuple[str, str]]) -> Iterator[Piece]:
     """Yield the blocks of a step; append the contents that are left out to the list."""
     filters: Any = import_module("vtkmodules.vtkFiltersCore")
-    blocks = [*_blocks(output)]
-    are_named = any(name for name, _ in blocks)
-    for block_name, block in blocks:
+    blocks = output.NewIterator()
+    blocks.InitTraversal()
+    while not blocks.IsDoneWithTraversal():
+        block = blocks.GetCurrentDataObject()
+        block_name = _text(blocks.GetCurrentMetaData().Get(output.NAME()))
+        blocks.GoToNextItem()
+        if not block.GetNumberOfPoints():
+            continue
         converter = filters.vtkAppendFilter()  # to an unstructured grid
         converter.AddInputData(block)
         converter.Update()
         grid = converter.GetOutput()
-        arrays = []
-        if are_named:
-            names = np.full(grid.GetNumberOfCells(), block_name)
-            arrays.append(loaded_array(Domain.FACE, BLOCK_NAMES, names))
+        block_name = "" if UNNAMED.fullmatch(block_name) else block_name
+        names = np.full(grid.GetNumberOfCells(), block_name)
+        arrays = [loaded_array(*BLOCK_NAMES, names)]
         for domain, data in (
             (Domain.VERTEX, grid.GetPointData()),
             (Domain.FACE, grid.GetCellData()),
