@@ -94,16 +94,12 @@ class FrameFiles:
         None if they state no times, or with a note if some do not, or the times do not ascend.
         """
         times_s = [time for _, time in sorted(self._times_s.items()) if time is not None]
-        if (
-            len(times_s) == len(self)
-            and (np.diff(times_s) > 0).all()
-            and np.isfinite(times_s).all()
-        ):
+        if 0 < len(times_s) < len(self):
+            notes.left_out(f"times of files, which only {len(times_s)} of {len(self)} files have")
+        elif not (np.isfinite(times_s).all() and (np.diff(times_s) > 0).all()):
+            notes.left_out("times of files, which do not ascend")
+        elif times_s:
             return Timing.of_times(times_s)
-        if times_s:
-            n_files = f"{len(times_s)} of {len(self)} files"
-            reason = "do not ascend" if len(times_s) == len(self) else f"only {n_files} have"
-            notes.left_out(f"times of files, which {reason}")
         return None
 
 

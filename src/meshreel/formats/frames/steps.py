@@ -140,9 +140,13 @@ class Step:
 
     def share_data(self, previous: "Step") -> "Step":
         """Return the step with arrays of another one where they are equal."""
-        arrays = {_contents(array): array for array in previous.data}
-        data = [arrays.get(_contents(array), array) for array in self.data]
-        return replace(self, data=data)
+
+        def contents(array: DataArray) -> object:
+            description = tuple(vars(array.describe()).values())
+            return array.domain, array.name, array.identify(), description
+
+        arrays = {contents(array): array for array in previous.data}
+        return replace(self, data=[arrays.get(contents(array), array) for array in self.data])
 
     @property
     def sizes(self) -> dict[Domain, int]:
@@ -225,12 +229,6 @@ class Step:
             fields[array.key] = values, replace(field, is_track=is_track)
         surface = self.attributes(attributes, notes)
         return Frame(self.mesh, surface, fields, notes, time_s=self.time_s)
-
-
-def _contents(array: DataArray) -> object:
-    """Return a key that is equal for arrays with the same description and values."""
-    description = tuple(vars(array.describe()).values())
-    return array.domain, array.name, array.identify(), description
 
 
 def note_unreadable(key: Key, error: FormatError, notes: Notes) -> None:

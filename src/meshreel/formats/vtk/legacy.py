@@ -15,12 +15,7 @@ from meshreel.arrays import Integers
 from meshreel.errors import FormatError
 from meshreel.formats.frames.field_tracks import NORMALS, TEXTURE_COORDINATES
 from meshreel.formats.frames.frame import Frame
-from meshreel.formats.frames.steps import (
-    DataArray,
-    Piece,
-    Step,
-    loaded_array,
-)
+from meshreel.formats.frames.steps import DataArray, Piece, Step, loaded_array
 from meshreel.formats.kinds import FrameFormat
 from meshreel.formats.surfaces.cells import (
     POLY_LINE,

@@ -2,10 +2,10 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -45,8 +45,16 @@ def read_pvd(path: Path, reading: Reading) -> Sequence[SceneMesh]:
         raise FormatError(f"is {root.tag} of type {root.get('type', '')!r}; expected a Collection")
     parts: dict[tuple[str, str], list[tuple[float, Path]]] = {}
     for element in root.findall("Collection/DataSet"):
+        time, text = math.nan, element.get("timestep", "0")
+        with suppress(ValueError):
+            time = float(text)
+        if not math.isfinite(time):
+            raise FormatError(f"has the timestep {text[:40]!r}; expected a finite number")
+        file = resolve_reference(path, element.get("file", ""), reading)
+        if file.suffix.lower() not in READABLE:
+            raise FormatError(f"refers to {file.name}; {', '.join(READABLE)} files are supported")
         part = element.get("group", ""), element.get("part", "0")
-        parts.setdefault(part, []).append((_time(element), _file(path, element, reading)))
+        parts.setdefault(part, []).append((time, file))
     if not parts:
         raise FormatError("lists no files")
     steps = _FileSteps(reading)
@@ -55,24 +63,6 @@ def read_pvd(path: Path, reading: Reading) -> Sequence[SceneMesh]:
         for (group, part), files in parts.items()
         for name in [path.stem if len(parts) == 1 else f"/{group or 'part'}_{part}"]
     ]
-
-
-def _time(element: Element) -> float:
-    text = element.get("timestep", "0")
-    try:
-        time = float(text)
-    except ValueError:
-        time = math.nan
-    if not math.isfinite(time):
-        raise FormatError(f"has the timestep {text[:40]!r}; expected a finite number")
-    return time
-
-
-def _file(path: Path, element: Element, reading: Reading) -> Path:
-    file = resolve_reference(path, element.get("file", ""), reading)
-    if file.suffix.lower() not in READABLE:
-        raise FormatError(f"refers to {file.name}; {', '.join(READABLE)} files are supported")
-    return file
 
 
 def _scene_mesh(

@@ -50,7 +50,13 @@ def read_xdmf(path: Path, reading: Reading) -> Sequence[SceneMesh]:
         raise FormatError("has only grids of points" if meshes else "has no Grid in a Domain")
     items.taken -= {*grids} - {*temporal} if temporal else set()
     _note_unread(root, temporal or grids, items, reading)
-    names = _unique_names([name for name, _, _ in meshes], path.stem)
+    names = [meshes[0][0] or path.stem]
+    if len(meshes) > 1:
+        paths = [f"/{name or 'grid'}" for name, _, _ in meshes]
+        names = [
+            name if paths.count(name) == 1 else f"{name}_{paths[:index].count(name)}"
+            for index, name in enumerate(paths)
+        ]
     reading.notes.left_out("grids of points", compress(names, are_points))
     return [
         GridFrames(steps, items, root, reading.notes).scene_mesh(name, times)
@@ -156,24 +162,7 @@ def _numbers(texts: list[str]) -> npt.NDArray[np.float64]:
         raise FormatError(f"has a Time that is not a number ({error})") from error
 
 
-def _unique_names(grid_names: list[str], stem: str) -> list[str]:
-    """Return a unique name for each mesh."""
-    if len(grid_names) == 1:
-        return [grid_names[0] or stem]
-    names = [f"/{name or 'grid'}" for name in grid_names]
-    return [
-        name if names.count(name) == 1 else f"{name}_{names[:index].count(name)}"
-        for index, name in enumerate(names)
-    ]
-
-
 FORMATS = tuple(
-    SequenceFormat(
-        extension,
-        "XDMF",
-        read_meshes=read_xdmf,
-        extra=HDF,
-        refers_to_files=True,
-    )
+    SequenceFormat(extension, "XDMF", read_meshes=read_xdmf, extra=HDF, refers_to_files=True)
     for extension in (".xdmf", ".xmf")
 )

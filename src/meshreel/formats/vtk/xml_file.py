@@ -55,6 +55,7 @@ APPENDED = re.compile(rb"<AppendedData([^>]*)>\s*_")
 DATA = {"PointData": Domain.VERTEX, "CellData": Domain.FACE}
 LEAVES = "InformationKey", "DataArray", "Array"
 """Elements with values; others contain elements."""
+UNITS_KEY = f"InformationKey[@name='{UNITS}']"
 GROUPS = {"Verts": POLY_VERTEX, "Lines": POLY_LINE, "Polys": POLYGON, "Strips": STRIP}
 
 
@@ -96,7 +97,12 @@ def _read_pieces(
             f"is {root.tag} of type {kind!r}; expected a VTKFile of type UnstructuredGrid or "
             "PolyData"
         )
-    coding = _coding(root, appended, is_raw)
+    compressor = root.get("compressor", "")
+    if compressor and compressor not in UNPACKERS:
+        raise FormatError(f"is compressed by {compressor}; {', '.join(UNPACKERS)} are supported")
+    order = ">" if root.get("byte_order") == "BigEndian" else "<"
+    header = "u8" if root.get("header_type") == "UInt64" else "u4"
+    coding = ArrayCoding(order, header, UNPACKERS.get(compressor), appended, is_raw)
     elements = root.findall(f"{kind}/Piece")
     if not elements:
         raise FormatError("has no Piece")
@@ -120,19 +126,6 @@ def _read_pieces(
             left_out.append((COMPONENTS, f"{element.get('Name')} ({', '.join(components)})"))
     parents = (element for element in root.iter() if element.tag != LEAVES[0])
     return pieces, [*left_out, *unread(parents, coding.taken | containers)], time_s
-
-
-def _coding(root: Element, appended: bytes, is_raw: bool) -> ArrayCoding:
-    compressor = root.get("compressor", "")
-    if compressor and compressor not in UNPACKERS:
-        raise FormatError(f"is compressed by {compressor}; {', '.join(UNPACKERS)} are supported")
-    return ArrayCoding(
-        ">" if root.get("byte_order") == "BigEndian" else "<",
-        "u8" if root.get("header_type") == "UInt64" else "u4",
-        UNPACKERS.get(compressor),
-        appended,
-        is_raw,
-    )
 
 
 def _piece(piece: Element, coding: ArrayCoding, *, is_grid: bool) -> Piece:
@@ -231,13 +224,6 @@ def _read_named(
     raise FormatError(f"{group.tag} has no array {name!r}")
 
 
-def _unit(element: Element, coding: ArrayCoding) -> str:
-    if (unit_key := element.find(f"InformationKey[@name='{UNITS}']")) is None:
-        return ""
-    coding.taken.add(unit_key)
-    return " ".join((unit_key.text or "").split())
-
-
 def _arrays(
     piece: Element, coding: ArrayCoding, counts: Mapping[Domain, int]
 ) -> Iterator[DataArray]:
@@ -248,14 +234,16 @@ def _arrays(
         roles = {group.get(role, ""): role for role in (TEXTURE_COORDINATES, NORMALS)}
         for element in group:
             if element.get("type") in (*NUMBERS, TEXT):
-                name = element.get("Name", "")
+                name, units = element.get("Name", ""), element.find(UNITS_KEY)
+                coding.taken.update([] if units is None else [units])
+                unit = "" if units is None else " ".join((units.text or "").split())
                 yield loaded_array(
                     domain,
                     name,
                     coding.read(element, counts[domain], allows_text=True),
                     roles.get(name, ""),
                     element.get(TRACK_KIND, element.get(ATTRIBUTE_KIND, "")),
-                    _unit(element, coding),
+                    unit,
                     is_track=TRACK_KIND in element.attrib,
                 )
 
