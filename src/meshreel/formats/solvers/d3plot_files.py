@@ -273,7 +273,11 @@ class D3plotLayout:
         self.control: dict[str, int] = _read_control(words)
         self._check_supported()
         self._position = N_CONTROL + self.control["extra"]
-        self._read_material_types()
+        self._n_rigid_shells, self._material_types = 0, np.empty(0, np.int64)
+        if self.control["ndim"] == 5:
+            self._n_rigid_shells, n_materials = self._next_integers(2).tolist()
+            self._material_types = self._next_integers(n_materials)
+        self._position += self.control["ialemat"]
         n_sph, particle_words, particle_state_words = self._read_particle_flags()
         self._read_geometry()
         self._read_other_geometry(particle_words)
@@ -453,13 +457,6 @@ class D3plotLayout:
         numbers = self.words.integers(self._position, count)
         self._position += count
         return numbers
-
-    def _read_material_types(self) -> None:
-        self._n_rigid_shells, self._material_types = 0, np.empty(0, np.int64)
-        if self.control["ndim"] == 5:
-            self._n_rigid_shells, n_materials = self._next_integers(2).tolist()
-            self._material_types = self._next_integers(n_materials)
-        self._position += self.control["ialemat"]
 
     def _read_particle_flags(self) -> tuple[int, int, int]:
         """Return numbers of words: per SPH particle, and of airbags in geometry and each state."""

@@ -109,19 +109,14 @@ class LegacyTokens:
         return np.frombuffer(block, f">{code}").astype(code)
 
     def _text(self, count: int, code: str) -> npt.NDArray[Any]:
-        words = self._read_words(count)
-        try:
-            return np.array(words, code if code[0] == "f" else np.int64).astype(code)
-        except (ValueError, OverflowError) as error:
-            raise FormatError(f"expected numbers before byte {self.position}: {error}") from error
-
-    def _read_words(self, count: int) -> list[bytes]:
-        """Return the next `count` words."""
         *words, remaining = [*self._data[self.position :].split(None, count), b""][: count + 1]
         if len(words) < count:
             raise FormatError(f"ends within {count} numbers that begin at byte {self.position}")
         self.position = len(self._data) - len(remaining)
-        return words
+        try:
+            return np.array(words, code if code[0] == "f" else np.int64).astype(code)
+        except (ValueError, OverflowError) as error:
+            raise FormatError(f"expected numbers before byte {self.position}: {error}") from error
 
 
 def read_vtk_legacy(data: bytes) -> Step:

@@ -215,7 +215,7 @@ class _PieceFrames:
         self._pieces = [
             SceneMesh(f"/piece_{number}", times, read.frame, read.surface, tracks=read.tracks)
             for number, frames in enumerate(series)
-            for read in [_file_frames(frames, steps, notes)]
+            for read in [StepFrames(partial(_read_frame, steps, frames), notes)]
         ]
 
     def frame(self, index: int) -> PolygonMesh:
@@ -250,13 +250,8 @@ def _frame_of(piece: SceneMesh, index: int, time: float) -> SceneMesh:
     )
 
 
-def _file_frames(files: list[tuple[Path, float]], steps: _FileSteps, notes: Notes) -> StepFrames:
-    """Return one frame per file, given with its time."""
-
-    def read(index: int) -> Step:
-        return steps.read(*files[index], files[index - 1][0] if index else None)
-
-    return StepFrames(read, notes)
+def _read_frame(steps: _FileSteps, files: list[tuple[Path, float]], index: int) -> Step:
+    return steps.read(*files[index], files[index - 1][0] if index else None)
 
 
 FORMATS = (
