@@ -81,6 +81,9 @@ CELL_ZONES = ("fluid", "solid")
 BLOCK_NAMES = Domain.FACE, "block name"
 """Key of the names of blocks or zones, which become groups of faces and cells."""
 
+INVENTED = ("ElementBlockIds", "Base/Zone", "ispatch", "issurface")
+"""Field data that VTK adds."""
+
 NO_NAME = "(no name)"
 UNNAMED = re.compile(rf"Unnamed block ID: \d+|internalMesh|{re.escape(NO_NAME)}")
 """Names of blocks that VTK or `_text` invents."""
@@ -355,7 +358,7 @@ def _pieces(output: Any, left_out: list[tuple[str, str]]) -> Iterator[Piece]:
                 array, name = data.GetAbstractArray(index), _text(data.GetArrayName(index))
                 if domain and array.IsNumeric():
                     arrays.append(loaded_array(domain, name, _values(array)))
-                elif name != "ElementBlockIds":  # VTK adds them
+                elif name not in INVENTED:
                     left_out.append(("field data" if domain is None else "arrays of text", name))
         yield Piece(_values(grid.GetPoints().GetData()), _cells(grid), tuple(arrays))
 

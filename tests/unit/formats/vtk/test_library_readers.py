@@ -134,6 +134,47 @@ def write_fluent(path, content=HEXAHEDRAL):
     return path
 
 
+CGNS = {
+    "CGNSLibraryVersion": ("CGNSLibraryVersion_t", "R4", np.float32([3.4])),
+    "Base": ("CGNSBase_t", "I4", np.int32([3, 3])),
+    "Base/steel": ("Family_t", "MT", None),
+    "Base/plate": ("Zone_t", "I4", np.int32([[12], [2], [0]])),
+    "Base/plate/ZoneType": ("ZoneType_t", "C1", np.frombuffer(b"Unstructured", "i1")),
+    "Base/plate/GridCoordinates": ("GridCoordinates_t", "MT", None),
+    **{
+        f"Base/plate/GridCoordinates/Coordinate{axis}": ("DataArray_t", "R8", column)
+        for axis, column in zip("XYZ", NODES.T, strict=True)
+    },
+    "Base/plate/cells": ("Elements_t", "I4", np.int32([17, 0])),
+    "Base/plate/cells/ElementRange": ("IndexRange_t", "I4", np.int32([1, 2])),
+    "Base/plate/cells/ElementConnectivity": (
+        "DataArray_t", "I4", np.int32(HEXAHEDRA).ravel() + 1,
+    ),
+    "Base/plate/ZoneBC": ("ZoneBC_t", "MT", None),
+    "Base/plate/ZoneBC/inlet": ("BC_t", "C1", np.frombuffer(b"BCInflow", "i1")),
+}  # fmt: skip
+"""Label, type and data of each node of two hexahedra."""
+
+
+def write_cgns(path):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(path, "w", track_order=True) as file:
+        file[" format"] = np.frombuffer(b"IEEE_LITTLE_32\0", "i1")
+        file[" hdf5version"] = np.frombuffer(b"HDF5 Version 1.8".ljust(33, b"\0"), "i1")
+        for name, (label, kind, data) in {
+            "": ("Root Node of HDF5 File", "MT", None),
+            **CGNS,
+        }.items():
+            node = file.create_group(name, track_order=True) if name else file
+            texts = {"name": (name.split("/")[-1] or "HDF5 MotherNode", 33), "label": (label, 33)}
+            for key, (text, size) in {**texts, "type": (kind, 3)}.items():
+                node.attrs.create(key, text.encode(), dtype=h5py.string_dtype("ascii", size))
+            node.attrs["flags"] = np.int32([1])
+            if data is not None:
+                node[" data"] = data
+    return path
+
+
 def corners(sequence):
     """Nodes of each cell in ascending order."""
     return np.sort(sequence.surface.cells.nodes.reshape(-1, 8)).tolist()
@@ -200,6 +241,13 @@ def test_cells_of_fluent_are_read(tmp_path, notes):
     np.testing.assert_array_equal(result.vertices, [NODES.astype(np.float32)])
     assert corners(result) == np.sort(HEXAHEDRA).tolist()
     assert notes == ["left out: zones of faces: inside:interior, walls:wall"]
+
+
+def test_other_nodes_of_cgns_are_noted(tmp_path, notes):
+    result = load(write_cgns(tmp_path / "a.cgns"), notes=notes)
+    np.testing.assert_array_equal(result.vertices, [NODES])
+    assert result.surface.groups[0].labels == ("plate",)
+    assert notes == ["left out: nodes BC_t: inlet", "left out: nodes Family_t: steel"]
 
 
 @pytest.mark.parametrize("write", [write_open_foam, write_fluent])
