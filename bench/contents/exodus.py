@@ -46,8 +46,10 @@ def walk(path: Path) -> Iterator[Item]:
     if not any(kind.startswith((*FLAT, "nfaced")) for kind in kinds):
         n_elements = sum(len(variables[f"connect{number}"]) for number in blocks)
         yield Item(Sort.FACES, "elements", n_elements)
-    used = [variables["eb_prop1"][number - 1] for number in blocks]
-    yield Item(Sort.DATA, "ObjectId", used)
+    with_faces = [
+        number for number, kind in zip(blocks, kinds, strict=True) if not kind.startswith(FLAT)
+    ]
+    yield Item(Sort.DATA, "ObjectId", [variables["eb_prop1"][number - 1] for number in with_faces])
     for number, name in enumerate(_texts(variables, "eb_names"), 1):
         if name and number in blocks:
             yield Item(Sort.GROUP, name)

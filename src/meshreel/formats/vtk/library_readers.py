@@ -61,7 +61,7 @@ SETTINGS = ("EnableAllBases", "EnableAllPointArrays", "EnableAllCellArrays", "Cr
 UNREAD = ("NODE_SET", "SIDE_SET", "ELEM_SET", "EDGE_SET", "FACE_SET", "EDGE_BLOCK", "FACE_BLOCK")
 """Objects of Exodus II that are not read."""
 
-USER_NUMBERS = {"node_num_map", "elem_num_map"}
+USER_NUMBERS = {"node_num_map", "elem_num_map", "elem_map"}
 """Variables of Exodus II with user numbers."""
 
 OPENFOAM_MESH = {"points", "faces", "owner", "neighbour", "boundary"}
@@ -271,7 +271,7 @@ def _configure(reader: Any) -> Iterator[tuple[str, str]]:
 
 
 def _user_numbers(reader: Any) -> Iterator[tuple[str, str]]:
-    """Yield subject and name of numbers of nodes and elements in Exodus II, unless from 1 on."""
+    """Yield subject and name of user numbers in Exodus II, unless they count from 1."""
     path = reader.GetFileName()
     with Path(path).open("rb") as start:
         is_classic = start.read(3) == b"CDF"
