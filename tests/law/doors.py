@@ -241,7 +241,7 @@ def judge_frame(part, part_hat, notes, limit, *, keeps):
     """Assert that a frame that was read is the written one, or that notes say why not."""
     if keeps and part.n_verts == part_hat.n_verts:
         assert polygons_of(part) == polygons_of(part_hat) or "face" in notes, f"polygons in {notes}"
-        pair = part.vertices, part_hat.vertices
+        pair = [part.vertices, part_hat.vertices]
     else:
         assert len(part.faces) == len(part_hat.faces) or "face" in notes, f"faces in {notes}"
         pair = [one.vertices[:, one.faces] for one in (part, part_hat)]
