@@ -59,10 +59,9 @@ def render(
     check_output_path(output, overwrite=overwrite, inputs=files)
     check_supported(sources, reading)
     from meshreel.model.frame_choice import spread_frames
-    from meshreel.rendering.picture import save_png  # imports Pillow, whose extra is checked above
-    from meshreel.rendering.scenes import Scene
+    from meshreel.rendering.scenes import Scene  # imports Pillow, whose extra is checked above
     from meshreel.rendering.shots import representative_frames
-    from meshreel.rendering.stills import still
+    from meshreel.rendering.stills import save_png, still
 
     with ExitStack() as stack:
         sequence, *others = [
@@ -107,8 +106,7 @@ def _write_film(
     *,
     overwrite: bool,
 ) -> dict[str, Any]:
-    from meshreel.rendering.film_files import save_film
-    from meshreel.rendering.films import FILM_PX, GIF_PX, film
+    from meshreel.rendering.films import FILM_PX, GIF_PX, film, save_film
 
     pictures = film(
         scene, numbers, view,

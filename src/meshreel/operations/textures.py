@@ -23,8 +23,7 @@ from meshreel.model.sequence import MeshSequence
 from meshreel.registration.baking import COMBINE, Size, bake, check_textured, with_atlases
 from meshreel.registration.options import RegisterOptions
 from meshreel.registration.register import Registration
-from meshreel.rendering.film_files import write_mp4
-from meshreel.rendering.films import UNKNOWN_FPS
+from meshreel.rendering.films import UNKNOWN_FPS, write_mp4
 from meshreel.runtime.counting import counted
 from meshreel.runtime.extras import VIDEO
 from meshreel.runtime.outputs.atomic import replace_all_when_done

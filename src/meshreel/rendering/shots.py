@@ -9,10 +9,10 @@ from meshreel.arrays import Floats
 from meshreel.model.frame_choice import spread_frames
 from meshreel.rendering.camera import Camera
 from meshreel.rendering.painting import Image
-from meshreel.rendering.scenes import NO_SCALES, Frame, Scales, Scene, SceneFrame, SelectedFrames
+from meshreel.rendering.scenes import NO_SCALES, Frame, Scales, Scene, SelectedFrames
 from meshreel.rendering.sheets import Annotations, Bar
 from meshreel.rendering.views import View
-from meshreel.runtime.threads import in_threads, n_cores, one_blas_thread
+from meshreel.runtime.threads import in_threads, n_cores
 
 Shot = tuple[int, Camera]
 """The number of a frame, and the camera that sees it."""
@@ -46,20 +46,7 @@ def draw_shots(
         batch = [
             (scene.read(number), camera) for number, camera in shots[start : start + batch_size]
         ]
-        yield from _draw_batch(scene, batch, scales)
-
-
-def _draw_batch(
-    scene: Scene, batch: Sequence[tuple[SceneFrame, Camera]], scales: Scales
-) -> list[list[Image]]:
-    views: list[list[Image]] = [[] for _ in batch]
-
-    def draw(number: int) -> None:
-        views[number] = scene.draw(*batch[number], scales)
-
-    with one_blas_thread():
-        in_threads(draw, range(len(batch)))
-    return views
+        yield from in_threads(lambda shot: scene.draw(*shot, scales), batch)
 
 
 def representative_frames(numbers: Sequence[int], max_frames: int) -> list[int]:

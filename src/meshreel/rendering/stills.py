@@ -1,14 +1,17 @@
 """A picture of selected frames: a contact sheet, or a comparison with one row per frame."""
 
 from collections.abc import Sequence
+from pathlib import Path
 
+import numpy as np
+import numpy.typing as npt
 from PIL import Image as PillowImage
 
+from meshreel.errors import InvalidInputError
 from meshreel.model.frame_choice import spread_frames
-from meshreel.rendering.layout import Size
 from meshreel.rendering.painting import Image
 from meshreel.rendering.scenes import Scene
-from meshreel.rendering.sheets import Sheet, plan_sheet
+from meshreel.rendering.sheets import Sheet, Size, plan_sheet
 from meshreel.rendering.shots import (
     ASPECT_FRAMES,
     MAX_TRAVEL,
@@ -18,6 +21,7 @@ from meshreel.rendering.shots import (
     scene_annotations,
 )
 from meshreel.rendering.views import View
+from meshreel.runtime.outputs.atomic import replace_when_done
 from meshreel.runtime.progress import Count, Progress, silent
 
 STILL_PX: Size = (1600, 1000)
@@ -67,3 +71,33 @@ def still(
     return Sheet(layout, annotations, scene.background).compose(
         views, labels if n_views > 1 else ()
     )
+
+
+def save_png(
+    image: npt.NDArray[np.uint8] | PillowImage.Image, path: Path, *, overwrite: bool = False
+) -> None:
+    """Write a picture as a PNG file, atomically.
+
+    Parameters
+    ----------
+    image : Pillow image, or uint8 array of shape (H, W, 3)
+    overwrite : bool
+        Whether an existing file may be replaced.
+
+    Raises
+    ------
+    InvalidInputError
+        If the image has the wrong type or shape, or the path cannot or must not be written.
+    """
+    if isinstance(image, PillowImage.Image):
+        picture = image.convert("RGB")
+    else:
+        array = np.asarray(image)
+        if array.dtype != np.uint8 or array.ndim != 3 or array.shape[2] != 3 or array.size == 0:
+            raise InvalidInputError(
+                "a picture must be a uint8 array of shape (H, W, 3); "
+                f"got {array.dtype} {array.shape}"
+            )
+        picture = PillowImage.fromarray(array)
+    with replace_when_done(Path(path), overwrite=overwrite) as temporary:
+        picture.save(temporary, format="PNG", optimize=True)

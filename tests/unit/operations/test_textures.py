@@ -12,7 +12,7 @@ from meshreel.kernel.mp4 import reel_box
 from meshreel.model.notes import Notes
 from meshreel.operations.textures import TextureJob, open_textures
 from meshreel.registration.options import RegisterOptions
-from meshreel.rendering.film_files import write_mp4
+from meshreel.rendering.films import write_mp4
 from samples.captures import capture, textured_capture
 
 STREAM = meshreel.encode(meshreel.simulate_flag(3))

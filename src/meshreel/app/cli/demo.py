@@ -100,9 +100,8 @@ def _draw(
     scene: "Scene", worst: int, caption: str, path: Path, overwrite: bool, progress: "Progress"
 ) -> list[int]:
     """Draw some frames, among them the worst; return their numbers."""
-    from meshreel.rendering.picture import save_png
     from meshreel.rendering.shots import representative_frames
-    from meshreel.rendering.stills import still
+    from meshreel.rendering.stills import save_png, still
     from meshreel.rendering.views import View
 
     numbers = range(scene.sequence.n_frames)

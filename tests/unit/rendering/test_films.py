@@ -7,9 +7,8 @@ from PIL import Image, ImageSequence
 
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.model.sequence import MeshSequence
-from meshreel.rendering import film_files
-from meshreel.rendering.film_files import save_film, save_gif
-from meshreel.rendering.films import UNKNOWN_FPS, film
+from meshreel.rendering import films
+from meshreel.rendering.films import UNKNOWN_FPS, film, save_film, save_gif
 from meshreel.rendering.scenes import Scene
 from meshreel.rendering.shots import frame_labels
 from meshreel.rendering.views import View
@@ -91,7 +90,7 @@ def test_mp4_has_every_picture_at_its_rate(grid, tmp_path):
 
 def test_mp4_error_contains_the_message_of_ffmpeg(grid, tmp_path, monkeypatch):
     pytest.importorskip("imageio_ffmpeg")
-    monkeypatch.setattr(film_files, "_MP4_OPTIONS", ["-c:v", "nothing"])
+    monkeypatch.setattr(films, "_MP4_OPTIONS", ["-c:v", "nothing"])
     with pytest.raises(OSError, match=r"ffmpeg could not write .*a\.mp4: .*nothing"):
         save_film(make_film(grid), tmp_path / "a.mp4")
     assert list(tmp_path.iterdir()) == []

@@ -7,10 +7,9 @@ from PIL import Image
 from meshreel.errors import InvalidInputError
 from meshreel.model.frame_choice import spread_frames
 from meshreel.model.sequence import MeshSequence
-from meshreel.rendering.picture import save_png
 from meshreel.rendering.scenes import Scene
 from meshreel.rendering.shots import frame_labels, representative_frames
-from meshreel.rendering.stills import still
+from meshreel.rendering.stills import save_png, still
 from meshreel.rendering.views import View
 
 

@@ -5,16 +5,21 @@ import pytest
 from PIL import Image, ImageDraw
 
 from meshreel.errors import InvalidInputError
-from meshreel.rendering.layout import (
+from meshreel.rendering.lettering import INK, draw_lines, font_of_size, spell_out, wrap_text
+from meshreel.rendering.sheets import (
     ASPECTS,
+    LIGHT_INK,
     MIN_VIEW_PX,
+    Annotations,
+    Bar,
     Parts,
+    Sheet,
     grid_shape,
+    ink_on,
     plan_layout,
+    plan_sheet,
     sheet_font_px,
 )
-from meshreel.rendering.lettering import INK, draw_lines, font_of_size, spell_out, wrap_text
-from meshreel.rendering.sheets import LIGHT_INK, Annotations, Bar, Sheet, ink_on, plan_sheet
 
 
 def boxes(layout):
