@@ -26,8 +26,7 @@ from mkdocs.utils import get_relative_url
 from option_texts import options_tables
 
 import meshreel
-from meshreel.app.cli.commands import command_named
-from meshreel.app.cli.help_panels import default_text
+from meshreel.app.cli.commands import command_named, default_text
 from meshreel.app.cli.parameters import ClickOption
 
 ROOT = Path(__file__).parents[1]

@@ -1,15 +1,18 @@
-"""The commands of the program, each imported when it runs or shows its help."""
+"""The commands of the program, each imported when it runs or shows its help.
+
+Help has a panel for each group of options. Errors name the correct command for an output given as
+an argument instead of an option, or vice versa.
+"""
 
 import inspect
 import re
-from collections.abc import Callable
+import shlex
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import click
-
-from meshreel.app.cli.help_panels import HELP_ALL, write_help
 
 COMMANDS = (
     "encode",
@@ -38,13 +41,25 @@ MAX_SHOWN = 30
 WITH_ADDRESSES = frozenset({"encode", "register", "batch", "decode", "convert", "info", "compare"})
 """Commands that accept addresses of remote files."""
 
+HELP_ALL = "--help-all"
+
+CODE = re.compile(r"`([^`]+)`")
+"""An item of a list that is a command, between backticks."""
+
+OUTPUT_EXTENSIONS = {"output": ".reel", "out": ""}
+"""Extension of the output by the name of its option; empty for a folder."""
+
+OUTPUT_FLAGS = ("-o", "--output", "--out")
+
+Row = tuple[str, str]
+"""Names and their meaning."""
+
 
 class Command(click.Command):
     """A command with help in panels."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Parse arguments; refuse misplaced outputs, split values, and addresses if unsupported."""
-        from meshreel.app.cli.output_position import check_output_position
         from meshreel.runtime.stores.address import refuse_address
 
         _refuse_split_values(ctx, args)
@@ -58,7 +73,11 @@ class Command(click.Command):
         except click.UsageError as error:
             error.ctx = error.ctx or ctx  # the parser does not set it
             if isinstance(error, click.NoSuchOption):
-                suggestion = _flag_of_synonym(error.option_name)
+                from meshreel.codec.options import all_options
+
+                # The paper or another program calls an option "--n-c".
+                name = error.option_name.removeprefix("--").replace("-", "_")
+                suggestion = next((it.flag for it in all_options() if name in it.synonyms), "")
                 if any(suggestion in param.opts for param in self.params):
                     message = f"{error.message} Did you mean {suggestion!r}?"
                     raise click.UsageError(message, ctx) from None
@@ -112,12 +131,141 @@ def _refuse_split_values(ctx: click.Context, args: list[str]) -> None:
                 )
 
 
-def _flag_of_synonym(option_name: str) -> str:
-    """Return the option that the paper or another program calls "--n-c"; empty if none does."""
-    from meshreel.codec.options import all_options
+def check_output_position(command: click.Command, ctx: click.Context, args: Sequence[str]) -> None:
+    """Raise UsageError with the correct command if the output is in the wrong place."""
+    arguments = [param for param in command.params if isinstance(param, click.Argument)]
+    outputs = [param for param in command.params if param.name in OUTPUT_EXTENSIONS]
+    try:
+        values, extra, _ = command.make_parser(ctx).parse_args(list(args))
+    except click.NoSuchOption as error:
+        if error.option_name in OUTPUT_FLAGS and not outputs:
+            names = [param.make_metavar(ctx) for param in arguments]
+            if any(name.startswith("OUT") for name in names):
+                line = " ".join([ctx.command_path, *names])
+                message = f"the output is an argument, not an option: {line}"
+                raise click.UsageError(message, ctx) from None
+        return
+    except click.UsageError:
+        return  # Click reports it
+    words = [*_words([values.get(param.name) for param in arguments]), *extra]
+    n_extra = len(words) - len(arguments)
+    takes_list = any(param.nargs < 0 for param in arguments)
+    for output in outputs:
+        if output.name not in values and (n_extra == 1 or (takes_list and n_extra > 1)):
+            _refuse_argument(output, ctx, words)
 
-    name = option_name.removeprefix("--").replace("-", "_")
-    return next((option.flag for option in all_options() if name in option.synonyms), "")
+
+def _refuse_argument(output: click.Parameter, ctx: click.Context, words: Sequence[str]) -> None:
+    """Raise UsageError if the last of the arguments is probably the output.
+
+    Parameters
+    ----------
+    output : Parameter
+        Option of the output.
+    words : sequence of str
+        All arguments.
+    """
+    from meshreel.runtime.stores.address import is_remote
+
+    *inputs, last = words
+    extension = _extension(last)
+    is_new = not is_remote(last) and not Path(last).exists()
+    differs = bool(inputs) and extension != _extension(inputs[-1])
+    if output.required:
+        is_output = is_new or differs
+    else:
+        expected = OUTPUT_EXTENSIONS[output.name or ""]
+        # An existing folder may be another input.
+        is_output = extension == expected and (is_new or (differs and expected != ""))
+    if is_output:
+        flag = min(output.opts, key=len)
+        first_input = shlex.join(inputs[:1]) + (" ..." if len(inputs) > 1 else "")
+        line = " ".join(filter(None, [ctx.command_path, first_input, flag, shlex.quote(last)]))
+        raise click.UsageError(f"the output is given with {flag}: {line}", ctx)
+
+
+def _words(values: Sequence[object]) -> list[str]:
+    """The words of arguments; the value of a missing argument is neither a string nor a tuple."""
+    words: list[str] = []
+    for value in values:
+        if isinstance(value, str):
+            words.append(value)
+        elif isinstance(value, tuple):
+            words.extend(value)
+    return words
+
+
+def _extension(word: str) -> str:
+    from meshreel.runtime.stores.address import without_query
+
+    return Path(without_query(word)).suffix.lower()
+
+
+def write_help(
+    command: click.Command, context: click.Context, formatter: click.HelpFormatter
+) -> None:
+    """Write the help of a command."""
+    formatter.write_usage(context.command_path, " ".join(command.collect_usage_pieces(context)))
+    # Paragraphs of the docstring, and the items of its lists, which begin with "- ".
+    for paragraph in (command.help or "").split("\n\n"):
+        formatter.write_paragraph()
+        is_list = paragraph.startswith("- ")
+        for item in paragraph.split("\n- ") if is_list else [paragraph]:
+            line = " ".join(item.removeprefix("- ").split())
+            if is_list:
+                line = "- " + CODE.sub(r"\1", line)
+            following = "    " if is_list else "  "
+            formatter.write(click.wrap_text(line, formatter.width, "  ", following) + "\n")
+    for title, rows in _panels(command, context).items():
+        with formatter.section(_bold(title)):
+            formatter.write_dl([(_bold(names), meaning) for names, meaning in rows])
+
+
+def _panels(command: click.Command, context: click.Context) -> dict[str, list[Row]]:
+    """Rows of each panel by its title: arguments, options, groups of options, commands."""
+    panels: dict[str, list[Row]] = {"Arguments": [], "Options": []}
+    offers_all = HELP_ALL not in context.meta and any(
+        HELP_ALL in param.opts for param in command.params
+    )
+    for param in command.get_params(context):
+        if isinstance(param, click.Argument):
+            row = param.make_metavar(context), _meaning(param, getattr(param, "help", ""))
+            panels["Arguments"].append(row)
+        elif isinstance(param, click.Option) and not param.hidden:
+            if offers_all and getattr(param, "is_rare", False):
+                continue
+            title = getattr(param, "panel", "") or "Options"
+            names = ", ".join(sorted(param.opts, key=len))
+            text = " / ".join([names, *param.secondary_opts])
+            if not param.is_flag:
+                text = f"{text} {param.make_metavar(context)}"
+            panels.setdefault(title, []).append((text, _meaning(param, param.help)))
+    if isinstance(command, click.Group):
+        for name in command.list_commands(context):
+            one = command.get_command(context, name)
+            summary = (one.help if one and one.help else "").partition("\n\n")[0]
+            panels.setdefault("Commands", []).append((name, " ".join(summary.split())))
+    return {title: rows for title, rows in panels.items() if rows}
+
+
+def _meaning(param: click.Parameter, text: str | None) -> str:
+    parts = [text or ""]
+    if isinstance(param, click.Option) and (default := default_text(param)):
+        parts.append(f"[default: {default}]")
+    if param.required:
+        parts.append("[required]")
+    return " ".join(parts)
+
+
+def default_text(option: click.Option) -> str:
+    """The default of an option as text; empty if its help states it, or it is a switch."""
+    default = option.default
+    is_shown = isinstance(default, str | int | float | Path) and not isinstance(default, bool)
+    return str(default) if is_shown and option.show_default is not False else ""
+
+
+def _bold(text: str) -> str:
+    return click.style(text, bold=True)
 
 
 def _show_all(ctx: click.Context, _param: click.Parameter, shows_all: bool) -> None:

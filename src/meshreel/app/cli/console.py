@@ -8,15 +8,16 @@ import shutil
 import sys
 import threading
 import time
+import unicodedata
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import partial
+from itertools import zip_longest
 from typing import Any, TextIO
 
 import click
 
 from meshreel.app.cli.messages import escaped, with_options
-from meshreel.app.cli.tables import Row, table_lines, text_width
 from meshreel.app.figures import Cell
 from meshreel.runtime.counting import singular
 from meshreel.runtime.progress import Count, Progress
@@ -27,6 +28,9 @@ MIN_ELAPSED_S = 2.0
 LOG_AFTER_S, LOG_INTERVAL_S = 5.0, 10.0
 SHOW_AFTER_S, REFRESH_S = 1.0, 0.1
 """Time until the first line of progress and between lines, in a log and on a terminal."""
+
+Row = Sequence[Sequence[str]]
+"""The lines of each cell."""
 
 
 class PaceClock:
@@ -136,13 +140,35 @@ def _print_titled(title: str, rows: Sequence[Row], headings: Sequence[str] = ())
         click.echo(f"  {line}")
 
 
+def table_lines(rows: Sequence[Row], headings: Sequence[str] = ()) -> Iterator[str]:
+    """Lines of a table; with headings, columns after the first are aligned to the right."""
+    table = [*([[[heading] for heading in headings]] if headings else []), *rows]
+    widths = [
+        max((text_width(line) for cell in column for line in cell), default=0)
+        for column in zip(*table, strict=True)
+    ]
+    for row in table:
+        for pieces in zip_longest(*row, fillvalue=""):
+            padded = []
+            for number, (piece, width) in enumerate(zip(pieces, widths, strict=True)):
+                space = " " * (width - text_width(piece))
+                padded.append(space + piece if headings and number else piece + space)
+            yield "  ".join(padded).rstrip()
+
+
+def text_width(text: str) -> int:
+    """Number of terminal columns that the text occupies."""
+    if text.isascii():
+        return len(text)
+    return sum(
+        0 if unicodedata.combining(letter) else 1 + (unicodedata.east_asian_width(letter) in "WF")
+        for letter in text
+    )
+
+
 def _lines(cell: Cell) -> list[str]:
     """Return the escaped lines of a cell, with options in place of keywords."""
     return [escaped(with_options(line)) for line in ([cell] if isinstance(cell, str) else cell)]
-
-
-def _terminal_width() -> int:
-    return shutil.get_terminal_size().columns
 
 
 def print_notes(notes: Iterable[str]) -> None:
@@ -175,7 +201,8 @@ def shown_progress(stream: TextIO | None = None) -> Iterator[Progress]:
 
     def replace_line(line: str) -> None:
         nonlocal shown_width
-        while text_width(line) >= _terminal_width():  # a longer line could not be removed
+        # A line longer than the terminal could not be removed.
+        while text_width(line) >= shutil.get_terminal_size().columns:
             line = line[:-1]
         print(f"\r{line}{' ' * (shown_width - text_width(line))}", end="", file=file, flush=True)
         shown_width = text_width(line)
@@ -183,8 +210,13 @@ def shown_progress(stream: TextIO | None = None) -> Iterator[Progress]:
     def write_regularly(wait_s: float, interval_s: float, write: Callable[[str], None]) -> None:
         while not is_over.wait(wait_s):
             elapsed = clock_text(time.monotonic() - began_s)
+            stage, fraction = latest[0]
+            text = clock.describe(fraction)
+            if not text and 0 < fraction < 1:
+                text = f"{100 * fraction:.0f} %"
+            state = f"{stage}: {text}" if text else stage
             with suppress(OSError, ValueError):  # the stream may be closed
-                write(f"meshreel: {escaped(_state(*latest[0], clock))} ({elapsed} so far)")
+                write(f"meshreel: {escaped(state)} ({elapsed} so far)")
             wait_s = interval_s
 
     is_terminal = file.isatty()
@@ -204,11 +236,3 @@ def shown_progress(stream: TextIO | None = None) -> Iterator[Progress]:
         if is_terminal:
             replace_line("")
             print("\r", end="", file=file, flush=True)
-
-
-def _state(stage: str, fraction: float, clock: PaceClock) -> str:
-    """The stage, and its progress if known."""
-    text = clock.describe(fraction)
-    if not text and 0 < fraction < 1:
-        text = f"{100 * fraction:.0f} %"
-    return f"{stage}: {text}" if text else stage

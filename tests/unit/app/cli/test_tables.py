@@ -4,8 +4,8 @@ import pytest
 
 from meshreel.app.batch.manifest import DONE, Record
 from meshreel.app.cli.batch import _row
+from meshreel.app.cli.console import table_lines
 from meshreel.app.cli.info import MAX_MESHES, mesh_table
-from meshreel.app.cli.tables import table_lines
 
 ROWS = [[["format"], ["Alembic"]], [["meshes"], ["/root/body", "/root/cloth"]]]
 
