@@ -77,26 +77,21 @@ def encoded_rows(
     if input_bytes:
         change = change_text(input_bytes, stream.size_bytes)
         sizes.insert(0, f"{change} than the input, {size_text(input_bytes)}")
-    rows = size_rows(stream, n_meshes)
+    rows, shape = size_rows(stream, n_meshes), {}
     largest = achieved.max_error_percent
+    sted, angle = achieved.sted_spatial, achieved.normal_angle_mean_deg
+    if sted is not None and angle is not None:
+        sample = f"in {counted(achieved.n_shape_frames, 'frame')}"
+        shape = {
+            STED: f"{sted:.5f}: edges stretch unevenly, by {100 * sted:.2f} %; {sample}",
+            "normal error": f"mean {angle:.2f} degrees, seen in shading; {sample}",
+        }
     return {
         "size": [_size_text(stream), *sizes],
         **{name: rows[name] for name in ("sequence", "method", "rate")},
         "largest error": error_text(largest, stream.diagonal) if largest else "0",
         "overall error (KG error)": f"{achieved.kg_error_percent:.4f} % of the extent of the shape",
-        **_shape_rows(achieved),
-    }
-
-
-def _shape_rows(achieved: "Achieved") -> dict[str, str]:
-    """Errors of edges and normals, if they were measured."""
-    sted, angle = achieved.sted_spatial, achieved.normal_angle_mean_deg
-    if sted is None or angle is None:
-        return {}
-    sample = f"in {counted(achieved.n_shape_frames, 'frame')}"
-    return {
-        STED: f"{sted:.5f}: edges stretch unevenly, by {100 * sted:.2f} %; {sample}",
-        "normal error": f"mean {angle:.2f} degrees, seen in shading; {sample}",
+        **shape,
     }
 
 
@@ -133,16 +128,6 @@ def section_table(stream: "StreamInfo") -> list[Sequence[str]]:
 
 def _size_and_share(size_bytes: int, stream: "StreamInfo") -> tuple[str, str]:
     return str(size_bytes), f"{100 * size_bytes / stream.size_bytes:.1f} %"
-
-
-def _bound_rows(stream: "StreamInfo") -> dict[str, str]:
-    percent = stream.error_bound_percent
-    if not percent:
-        lossless = {"error bound": "lossless: positions are equal bit for bit"}
-        return lossless if stream.is_lossless else {}
-    length = f"{percent / 100 * stream.diagonal:.4g} model units"
-    source = "; lossless, of a lossy source" if stream.is_lossless else ""
-    return {"error bound": f"{percent:g} % of the diagonal, {length}, at every vertex{source}"}
 
 
 def track_error_rows(tracks: "dict[str, TrackErrors]") -> dict[str, str]:
@@ -191,7 +176,14 @@ def info_rows(stream: "StreamInfo") -> "dict[str, Cell]":
         rows["tracks"] = [f"{track}, {size_text(track.size_bytes)}" for track in stream.tracks]
     if not stream.is_whole:
         rows["end"] = "truncated; the figures describe the complete blocks"
-    return rows | _bound_rows(stream)
+    percent = stream.error_bound_percent
+    if percent:
+        length = f"{percent / 100 * stream.diagonal:.4g} model units"
+        source = "; lossless, of a lossy source" if stream.is_lossless else ""
+        rows["error bound"] = f"{percent:g} % of the diagonal, {length}, at every vertex{source}"
+    elif stream.is_lossless:
+        rows["error bound"] = "lossless: positions are equal bit for bit"
+    return rows
 
 
 def segment_table(stream: "StreamInfo") -> list[Sequence[str]]:
@@ -229,6 +221,13 @@ def surface_rows(info: "StreamInfo | MeshInfo") -> "dict[str, Cell]":
 
 def quality_rows(quality: "Quality") -> dict[str, str]:
     """Quality figures with their units."""
+    rest = "no vertex rests"
+    if quality.n_rest_pairs:
+        rest = (
+            f"median {quality.rest_motion_median_percent:.4f} % of the model size, "
+            f"99th percentile {quality.rest_motion_p99_percent:.4f} %, over "
+            f"{counted(quality.n_rest_pairs, 'pair')} of vertex and frame"
+        )
     return {
         "KG error": f"{quality.kg_error_percent:.4f} %",
         STED: f"{quality.sted:.5f}  (spatial {quality.sted_spatial:.5f}, "
@@ -238,14 +237,19 @@ def quality_rows(quality: "Quality") -> dict[str, str]:
         "RMS error": f"{quality.rms_error_percent:.4f} % of the diagonal",
         "normal error": f"mean {quality.normal_angle_mean_deg:.2f} degrees, "
         f"95th percentile {quality.normal_angle_p95_deg:.2f}",
-        "motion at rest": _rest_text(quality),
+        "motion at rest": rest,
         **track_error_rows(quality.tracks),
     }
 
 
 def distance_rows(quality: "SurfaceQuality") -> dict[str, str]:
     """Distances between surfaces with their units; the larger one of both directions first."""
-    worse = quality.worse
+    worse, errors, of_vertices = quality.worse, quality.vertex_errors, {}
+    if errors is not None:  # vertices correspond, although surfaces are compared
+        of_vertices = {
+            "KG error of vertices": f"{errors.kg_error_percent:.4f} %",
+            "largest error of a vertex": f"{errors.max_error_percent:.4f} % of the diagonal",
+        }
     return {
         "compared": f"surfaces: {quality.reason}",
         "surface PSNR": _psnr_text(quality.psnr_db),
@@ -258,20 +262,9 @@ def distance_rows(quality: "SurfaceQuality") -> dict[str, str]:
         "decoded to original": _distances_text(quality.to_original),
         "normal error": f"mean {worse.normal_angle_mean_deg:.2f} degrees, "
         f"95th percentile {worse.normal_angle_p95_deg:.2f}",
-        **_vertex_rows(quality),
+        **of_vertices,
         "samples": f"{counted(quality.n_samples, 'point')} per surface and frame",
         "grid of D1 and D2": f"{quality.n_grid_lines} lines along the longest side",
-    }
-
-
-def _vertex_rows(quality: "SurfaceQuality") -> dict[str, str]:
-    """Errors of vertices that correspond, although surfaces are compared."""
-    errors = quality.vertex_errors
-    if errors is None:
-        return {}
-    return {
-        "KG error of vertices": f"{errors.kg_error_percent:.4f} %",
-        "largest error of a vertex": f"{errors.max_error_percent:.4f} % of the diagonal",
     }
 
 
@@ -285,17 +278,6 @@ def _distances_text(distances: "SurfaceDistances") -> str:
     return (
         f"mean {distances.mean_percent:.4f} %, p95 {distances.p95_percent:.4f} %, "
         f"largest {distances.max_percent:.4f} %"
-    )
-
-
-def _rest_text(quality: "Quality") -> str:
-    """Motion of decoded vertices while the original rests."""
-    if not quality.n_rest_pairs:
-        return "no vertex rests"
-    return (
-        f"median {quality.rest_motion_median_percent:.4f} % of the model size, "
-        f"99th percentile {quality.rest_motion_p99_percent:.4f} %, over "
-        f"{counted(quality.n_rest_pairs, 'pair')} of vertex and frame"
     )
 
 

@@ -1,7 +1,6 @@
 """The `meshreel` program: global options, and error messages with exit codes."""
 
 import sys
-from typing import Any
 
 import click
 
@@ -39,7 +38,10 @@ def main() -> None:
     try:
         status = app(prog_name=NAME, standalone_mode=False)
     except click.ClickException as error:
-        _fail(_usage_message(error), error.exit_code)
+        context = getattr(error, "ctx", None)
+        command = f"{context.info_name} " if context and context.parent else ""
+        remedy = f"(meshreel {command}--help lists the options)"
+        _fail(f"{error.format_message()} {remedy}", error.exit_code)
     except MeshReelError as error:
         _fail(error.message)
     except MemoryError:
@@ -54,12 +56,6 @@ def main() -> None:
     except (KeyboardInterrupt, click.Abort):
         _fail("stopped", 130)  # 128 and the number of the signal
     sys.exit(status if isinstance(status, int) else 0)
-
-
-def _usage_message(error: Any) -> str:
-    context = getattr(error, "ctx", None)
-    command = f"{context.info_name} " if context and context.parent else ""
-    return f"{error.format_message()} (meshreel {command}--help lists the options)"
 
 
 def _fail(message: str, exit_code: int = 1) -> None:

@@ -121,7 +121,10 @@ def batch_command(
     if as_json:
         print_json({"manifest": str(plan.manifest.path), **report.as_dict()})
     else:
-        _print_report(report, out_dir)
+        if report.encoded:
+            headings = ("encoded", "raw", "file", "ratio", "KG error %", "largest error %", "s")
+            print_columns(out_dir, headings, [_row(name, record) for name, record in records])
+        print_line(report.summary)
     if report.failed:
         raise click.exceptions.Exit(1)
 
@@ -145,17 +148,7 @@ def _run(plan: "Plan", workers: int | None, scheduler: str | None) -> "BatchRepo
         raise
 
 
-def _print_report(report: "BatchReport", out_dir: str) -> None:
-
-    if report.encoded:
-        headings = ("encoded", "raw", "file", "ratio", "KG error %", "largest error %", "s")
-        rows = [_row(name, record) for name, record in report.encoded.items()]
-        print_columns(out_dir, headings, rows)
-    print_line(report.summary)
-
-
 def _row(name: str, record: "Record") -> tuple[str, ...]:
-
     return (
         name,
         size_text(record.raw_size_bytes or 0),

@@ -23,24 +23,19 @@ def core_command(
     """
     if not (cflags or libs):
         raise click.UsageError("give --cflags, --libs, or both")
-    click.echo(
-        shlex.join([*(_compiler_flags() if cflags else []), *(_linker_flags() if libs else [])])
-    )
-
-
-def _compiler_flags() -> list[str]:
     from meshreel.errors import InvalidInputError
-    from meshreel.kernel.library import FOLDER
-
-    for folder in (FOLDER, FOLDER.parents[2] / "core" / "include"):  # the latter in a checkout
-        if (folder / "meshreel.h").exists():
-            return [f"-I{folder}"]
-    raise InvalidInputError(f"meshreel.h is not in {FOLDER}; install meshreel again")
-
-
-def _linker_flags() -> list[str]:
     from meshreel.kernel.library import FOLDER, NAME
 
-    if sys.platform == "win32":
-        return [str(FOLDER / NAME)]
-    return [f"-L{FOLDER}", f"-l{NAME.removeprefix('lib').split('.')[0]}", f"-Wl,-rpath,{FOLDER}"]
+    flags = []
+    if cflags:
+        headers = (FOLDER, FOLDER.parents[2] / "core" / "include")  # the latter in a checkout
+        folder = next((it for it in headers if (it / "meshreel.h").exists()), None)
+        if folder is None:
+            raise InvalidInputError(f"meshreel.h is not in {FOLDER}; install meshreel again")
+        flags.append(f"-I{folder}")
+    if libs and sys.platform == "win32":
+        flags.append(str(FOLDER / NAME))
+    elif libs:
+        library = NAME.removeprefix("lib").split(".")[0]
+        flags += [f"-L{FOLDER}", f"-l{library}", f"-Wl,-rpath,{FOLDER}"]
+    click.echo(shlex.join(flags))

@@ -1,7 +1,7 @@
 """`meshreel demo`: encode, decode and compare the simulated flag."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from meshreel.app.cli.commands import command
 from meshreel.app.cli.console import print_json, print_table, shown_progress
@@ -9,12 +9,6 @@ from meshreel.app.cli.messages import print_line
 from meshreel.app.cli.parameters import JsonOption
 from meshreel.app.figures import quality_rows, size_rows
 from meshreel.codec.option import Option
-
-if TYPE_CHECKING:
-    from meshreel.codec.inspect import StreamInfo
-    from meshreel.metrics.compare import Quality
-    from meshreel.rendering.scenes import Scene
-    from meshreel.runtime.progress import Progress
 
 N_POSES = 3
 """Number of frames in the picture, including the one with the largest error."""
@@ -73,9 +67,21 @@ def demo_command(
         scene = Scene(decoded, sequence, "distance")
         largest = scene.scales(range(frames), progress).heat
         assert largest is not None  # the scene has a heat map
-        poses = []
+        poses: list[int] = []
         if RENDER.is_installed:
-            poses = _draw(scene, largest.frame, _caption(stream, quality), picture, force, progress)
+            from meshreel.rendering.shots import representative_frames
+            from meshreel.rendering.stills import save_png, still
+            from meshreel.rendering.views import View
+
+            caption = (
+                f"{stream.ratio:.0f} x smaller, {stream.rate_bpvf:.2f} bits per vertex and frame, "
+                f"KG error {quality.kg_error_percent:.2f} %"
+            )
+            # Some frames, among them the one with the largest error.
+            some = representative_frames(range(scene.sequence.n_frames), N_POSES - 1)
+            poses = sorted({*some, largest.frame})
+            image = still(scene, poses, View(), caption=caption, progress=progress)
+            save_png(image, picture, overwrite=force)
     paths = {name: str(path) for name, path in outputs.items()}
     if as_json:
         worst = {"max_error_frame": largest.frame, "picture_frames": poses}
@@ -87,25 +93,3 @@ def demo_command(
     print_table("Written", {"picture": f"not drawn; {RENDER.command}", **paths})
     print_line(f"To play it, open {page}; to compare it with the original:")
     print_line(f"meshreel view {reel} --original {raw}")
-
-
-def _caption(stream: "StreamInfo", quality: "Quality") -> str:
-    return (
-        f"{stream.ratio:.0f} x smaller, {stream.rate_bpvf:.2f} bits per vertex and frame, KG error "
-        f"{quality.kg_error_percent:.2f} %"
-    )
-
-
-def _draw(
-    scene: "Scene", worst: int, caption: str, path: Path, overwrite: bool, progress: "Progress"
-) -> list[int]:
-    """Draw some frames, among them the worst; return their numbers."""
-    from meshreel.rendering.shots import representative_frames
-    from meshreel.rendering.stills import save_png, still
-    from meshreel.rendering.views import View
-
-    numbers = range(scene.sequence.n_frames)
-    poses = sorted({*representative_frames(numbers, N_POSES - 1), worst})
-    image = still(scene, poses, View(), caption=caption, progress=progress)
-    save_png(image, path, overwrite=overwrite)
-    return poses

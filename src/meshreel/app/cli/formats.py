@@ -1,7 +1,5 @@
 """`meshreel formats`: the supported file formats."""
 
-from typing import Any
-
 from meshreel.app.cli.commands import command
 from meshreel.app.cli.console import print_columns, print_json
 from meshreel.app.cli.messages import print_line
@@ -24,17 +22,20 @@ def formats_command(
     if as_json:
         print_json({"formats": formats})
         return
-    rows = [
-        (
-            row["extension"],
-            row["title"],
-            row["holds"],
-            "yes" if row["reads"] else "no",
-            _write_text(row),
-            _installed_text(row),
+    rows = []
+    for row in formats:
+        writes = "yes" if row["writes_changing_faces"] else "constant faces"
+        extra = f"[{row['extra']}], to write" if row["reads_without_extra"] else f"[{row['extra']}]"
+        rows.append(
+            (
+                row["extension"],
+                row["title"],
+                row["holds"],
+                "yes" if row["reads"] else "no",
+                writes if row["writes"] else "no",
+                "yes" if row["is_installed"] else extra,
+            )
         )
-        for row in formats
-    ]
     print_columns(
         "formats", ("extension", "format", "contents", "read", "write", "installed"), rows
     )
@@ -44,17 +45,3 @@ def formats_command(
             f"[{missing[0]}] is an extra: pip install 'meshreel[{missing[0]}]'; "
             "'meshreel[formats]' installs all of them"
         )
-
-
-def _installed_text(row: dict[str, Any]) -> str:
-    """Whether the library of a format is installed, or the extra that installs it."""
-    if row["is_installed"]:
-        return "yes"
-    return f"[{row['extra']}], to write" if row["reads_without_extra"] else f"[{row['extra']}]"
-
-
-def _write_text(row: dict[str, Any]) -> str:
-    """Whether a format can be written, and whether its faces may change."""
-    if not row["writes"]:
-        return "no"
-    return "yes" if row["writes_changing_faces"] else "constant faces"

@@ -35,7 +35,6 @@ from meshreel.runtime.stores.address import STANDARD_INPUT
 if TYPE_CHECKING:
     from meshreel.app.figures import Cell
     from meshreel.formats.inspection import MeshInfo, SourceInfo
-    from meshreel.formats.kinds import AnimationInfo
 
 
 HEADINGS = ("mesh", "frames", "vertices", "faces", "fps", "box")
@@ -132,32 +131,28 @@ def source_rows(source: "SourceInfo") -> "dict[str, Cell]":
         if problems := [mesh for mesh in source.meshes if mesh.problem]:
             rows["problems"] = [f"{mesh.name}: {mesh.problem}" for mesh in problems]
     if source.animations:
-        rows["animations"] = [_animation_text(animation) for animation in source.animations]
+        rows["animations"] = [
+            f"{animation.name}: cannot be read: {animation.problem}"
+            if animation.problem
+            else f"{animation.name}: {animation.duration_s:.4g} s"
+            + ("" if animation.moves_mesh else ", moves no mesh")
+            for animation in source.animations
+        ]
     if source.left_out:
         rows["left out"] = list(source.left_out)
     return rows
 
 
-def _animation_text(animation: "AnimationInfo") -> str:
-    if animation.problem:
-        return f"{animation.name}: cannot be read: {animation.problem}"
-    remark = "" if animation.moves_mesh else ", moves no mesh"
-    return f"{animation.name}: {animation.duration_s:.4g} s{remark}"
-
-
 def mesh_table(source: "SourceInfo") -> list[Sequence[str]]:
     """Rows of the table of meshes, below `HEADINGS`."""
-    rows: list[Sequence[str]] = [
-        (
-            mesh.name,
-            str(mesh.n_frames),
-            str(mesh.n_verts),
-            str(mesh.n_polygons),
-            f"{mesh.fps:g}" if mesh.fps else "-",
-            _sides_text(mesh),
-        )
-        for mesh in source.meshes[:MAX_MESHES]
-    ]
+    rows: list[Sequence[str]] = []
+    for mesh in source.meshes[:MAX_MESHES]:
+        box = "-"
+        if mesh.low is not None and mesh.high is not None:
+            sides = (high - low for low, high in zip(mesh.low, mesh.high, strict=True))
+            box = " x ".join(f"{side:.3g}" for side in sides)
+        counts = (str(count) for count in (mesh.n_frames, mesh.n_verts, mesh.n_polygons))
+        rows.append((mesh.name, *counts, f"{mesh.fps:g}" if mesh.fps else "-", box))
     if (n_more := len(source.meshes) - MAX_MESHES) > 0:
         rows.append((f"and {n_more} more (--json lists all)", "", "", "", "", ""))
     return rows
@@ -180,10 +175,3 @@ def _mesh_rows(mesh: "MeshInfo") -> "dict[str, Cell]":
     if mesh.problem:
         rows["problem"] = mesh.problem
     return rows
-
-
-def _sides_text(mesh: "MeshInfo") -> str:
-    if mesh.low is None or mesh.high is None:
-        return "-"
-    sides = (high - low for low, high in zip(mesh.low, mesh.high, strict=True))
-    return " x ".join(f"{side:.3g}" for side in sides)

@@ -9,13 +9,11 @@ from meshreel.app.cli.options import MESHES, refuse_other_formats
 from meshreel.app.cli.parameters import Argument, File
 from meshreel.app.figures import measured_rows, player_rows
 from meshreel.codec.option import Option
-from meshreel.errors import Keyword
+from meshreel.errors import ConnectivityChangeError, InvalidInputError, Keyword
 from meshreel.formats.options import Reading
 
 if TYPE_CHECKING:
-    from meshreel.app.viewer.measuring import Comparison
     from meshreel.app.viewer.player_data import PlayerData
-    from meshreel.codec.reel_file import ReelFile
     from meshreel.rendering.looks import TrackLook
 
 SourceArgument = Annotated[
@@ -43,13 +41,21 @@ def open_player(
     texture: Path | None = None,
 ) -> Iterator["PlayerData"]:
     """Open a file and its original for the player."""
+    from meshreel.app.viewer.measuring import Comparison
+    from meshreel.app.viewer.original import Original
     from meshreel.app.viewer.playable import reencoding_text
     from meshreel.app.viewer.player_data import PlayerData
-    from meshreel.errors import ConnectivityChangeError
     from meshreel.formats.file_errors import errors_naming
+    from meshreel.formats.load import open_for_encoding
     from meshreel.formats.reel import open as open_reel
+    from meshreel.model.sequence import single_segment
 
-    _check_options_of_original(original, reading)
+    unused = [name for name in MESHES if getattr(reading, name)]
+    if unused and not original:
+        raise InvalidInputError(
+            f"--{unused[0].replace('_', '-')} applies to the original; give it with ",
+            Keyword("original"),
+        )
     refuse_other_formats(str(source))
     with open_reel(source, memory=reading.memory) as file:
         first = file.segments[0]
@@ -61,7 +67,12 @@ def open_player(
                     "frame; omit ",
                     Keyword("original"),
                 )
-        comparison = _comparison(first, original, reading) if original else None
+        comparison = None
+        if original:
+            sequence = open_for_encoding(original, None, reading)
+            with errors_naming(Path(original)):
+                segment = single_segment(sequence, "a comparison in the player")
+                comparison = Comparison(first, Original(segment, first))
         if texture is None and source.suffix.lower() == ".mp4":
             texture = source
         with errors_naming(source):
@@ -75,28 +86,3 @@ def open_player(
                 f"{source} uses method {shown.method}; the player shows it {text}"
             )
         yield shown
-
-
-def _check_options_of_original(original: str | None, reading: Reading) -> None:
-    """Reject options for reading the original if there is none."""
-    from meshreel.errors import InvalidInputError
-
-    unused = [name for name in MESHES if getattr(reading, name)]
-    if unused and not original:
-        raise InvalidInputError(
-            f"--{unused[0].replace('_', '-')} applies to the original; give it with ",
-            Keyword("original"),
-        )
-
-
-def _comparison(reel: "ReelFile", original: str, reading: Reading) -> "Comparison":
-    from meshreel.app.viewer.measuring import Comparison
-    from meshreel.app.viewer.original import Original
-    from meshreel.formats.file_errors import errors_naming
-    from meshreel.formats.load import open_for_encoding
-    from meshreel.model.sequence import single_segment
-
-    sequence = open_for_encoding(original, None, reading)
-    with errors_naming(Path(original)):
-        segment = single_segment(sequence, "a comparison in the player")
-        return Comparison(reel, Original(segment, reel))

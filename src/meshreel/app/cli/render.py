@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from meshreel.app.cli.commands import command
 from meshreel.app.cli.console import print_figures, shown_progress
@@ -69,11 +69,6 @@ def render_command(
             frames=frame_list(frames),
             overwrite=force,
         )
-    title, rows = figures["output"], _rows(figures)
-    print_figures(title, rows, figures, reading.notes, as_json=as_json)
-
-
-def _rows(figures: dict[str, Any]) -> dict[str, str]:
     width, height = figures["size_px"]
     rows = {"picture": f"{width} x {height} pixels"}
     if "fps" in figures:
@@ -84,4 +79,5 @@ def _rows(figures: dict[str, Any]) -> dict[str, str]:
         )
     else:
         rows["frames"] = ", ".join(map(str, figures["frames"]))
-    return {**rows, "size": size_text(figures["size_bytes"])}
+    rows["size"] = size_text(figures["size_bytes"])
+    print_figures(figures["output"], rows, figures, reading.notes, as_json=as_json)

@@ -72,8 +72,18 @@ def write_report(
         reading = Reading(progress=progress, notes=notes)
         sequences: list[MeshSequence] = [load_any(source, reading) for source in inputs]
         for sequence, source in zip(sequences, inputs, strict=True):
-            _check_faces(sequence, f"{study.program} of {source}")
-        sequences = [_without_tracks(sequence, notes) for sequence in sequences]
+            try:
+                single_segment(sequence, f"{study.program} of {source}")
+            except ConnectivityChangeError as error:
+                raise ConnectivityChangeError(
+                    f"{error}; run `meshreel register` first, or measure distances between "
+                    "surfaces with `meshreel compare`"
+                ) from None
+        for number, sequence in enumerate(sequences):
+            if sequence.tracks:  # only some methods encode them
+                names = listed(sequence.tracks)
+                notes.left_out(f"tracks, as the report covers positions: {names}")
+                sequences[number] = sequence.replace(tracks={})
         sequences = sequences or [simulate_flag(flag_frames, progress=progress)]
         command = command_line(study.program)
         evaluation = evaluate(study, sequences, out, command=command, progress=progress)
@@ -84,25 +94,6 @@ def write_report(
     n_figures = sum(len(pictures) for _, pictures in evaluation.measured)
     figures = f"{n_figures} in {out / 'figures'}"
     print_table("Written", {"report": str(evaluation.report), "figures": figures})
-
-
-def _check_faces(sequence: MeshSequence, purpose: str) -> None:
-    """Raise ConnectivityChangeError if the faces change."""
-    try:
-        single_segment(sequence, purpose)
-    except ConnectivityChangeError as error:
-        raise ConnectivityChangeError(
-            f"{error}; run `meshreel register` first, or measure distances between surfaces with "
-            "`meshreel compare`"
-        ) from None
-
-
-def _without_tracks(sequence: MeshSequence, notes: Notes) -> MeshSequence:
-    """The sequence without tracks, because only some methods encode them."""
-    if not sequence.tracks:
-        return sequence
-    notes.left_out(f"tracks, as the report covers positions: {listed(sequence.tracks)}")
-    return sequence.replace(tracks={})
 
 
 def command_line(program: str) -> str:

@@ -1,7 +1,7 @@
 """`meshreel view`: play a .reel in the browser."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import click
 
@@ -12,9 +12,6 @@ from meshreel.app.cli.options import MESHES, TrackLookOption, reading
 from meshreel.app.cli.player import OriginalOption, SourceArgument, TextureOption
 from meshreel.codec.option import Option, Range
 from meshreel.formats.options import Reading
-
-if TYPE_CHECKING:
-    from meshreel.app.viewer.server import ViewerServer
 
 
 @command
@@ -42,7 +39,9 @@ def view_command(
     - `meshreel view person.reel --texture person.mp4`
     - `meshreel view walk.reel --no-open --port 8000`
     """
-    from contextlib import ExitStack, closing
+    import threading
+    import webbrowser
+    from contextlib import ExitStack, closing, suppress
 
     from meshreel.app.cli.player import open_player
     from meshreel.app.viewer.page import built_page
@@ -58,18 +57,9 @@ def view_command(
         if shown.measuring is not None:
             stack.enter_context(closing(shown.measuring)).start()
         print_line(f"{source} plays at {server.url} (ctrl-C stops it)")
-        _serve(server, opens_browser=not no_open)
+        if not no_open:
+            # In a thread, because some browsers block the caller until the page is loaded.
+            threading.Thread(target=webbrowser.open, args=(server.url,), daemon=True).start()
+        with suppress(KeyboardInterrupt):
+            server.serve_forever()
     click.echo("stopped")
-
-
-def _serve(server: "ViewerServer", *, opens_browser: bool) -> None:
-    """Serve the page until ctrl-C."""
-    import threading
-    import webbrowser
-    from contextlib import suppress
-
-    if opens_browser:
-        # In a thread, because some browsers block the caller until the page is loaded.
-        threading.Thread(target=webbrowser.open, args=(server.url,), daemon=True).start()
-    with suppress(KeyboardInterrupt):
-        server.serve_forever()

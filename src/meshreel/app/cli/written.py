@@ -49,16 +49,18 @@ def print_result(
 ) -> None:
     """Print notes, and the figures of all outputs; as JSON those of one unless split."""
     print_notes(notes)
-    capture = _capture_figures(result) if as_json else _capture_rows(result)
     if as_json:
+        capture = {} if result.report is None else result.report.figures()
+        if result.registered is not None and (job := result.registered.job) is not None:
+            capture["texture"] = {"output": str(job.output), "size_px": list(job.size)}
         outputs = [written.as_dict() for written in result.files]
         figures: dict[str, Any] = {"outputs": outputs} if is_split else outputs[0]
         print_json({**figures, **capture, "is_whole": result.is_whole, "notes": notes})
         return
     for written in result.files:
         _print_files(written) if written.encoded is None else _print_stream(written)
-    if capture:
-        print_table("relative to the raw capture", capture)
+    if rows := _capture_rows(result):
+        print_table("relative to the raw capture", rows)
 
 
 def _print_stream(written: "Written") -> None:
@@ -88,29 +90,17 @@ def _print_files(written: "Written") -> None:
         "files": str(len(written.paths)),
         "size": size_text(figures["size_bytes"]),
     }
-    print_table(title, rows | (_rig_rows(figures) if "rig" in figures else {}))
-
-
-def _rig_rows(figures: dict[str, Any]) -> dict[str, str]:
-    """Return rows of a table with the errors of a rig, and its parts."""
-    rig = figures["rig"]
-    rows = {
-        "rig": f"{counted(rig['n_bones'], 'bone')}, "
-        f"{counted(rig['n_targets'], 'corrective target')}",
-        "KG error": f"{rig['kg_percent']:.3g} %",
-        "largest error": f"{rig['largest_percent']:.3g} % of the diagonal",
-        "normal error": f"{rig['normal_deg']:.2g} degrees (mean, of faces)",
-    }
-    sizes = figures.get("sizes_bytes", {}).items()
-    return rows | {f"  {name}": size_text(size) for name, size in sizes}
-
-
-def _capture_figures(result: "Result") -> dict[str, Any]:
-    """Return the distances from a raw capture, and its textures, for JSON."""
-    figures = {} if result.report is None else result.report.figures()
-    job = None if result.registered is None else result.registered.job
-    texture = {} if job is None else {"output": str(job.output), "size_px": list(job.size)}
-    return figures | ({"texture": texture} if texture else {})
+    if rig := figures.get("rig"):
+        bones, targets = rig["n_bones"], rig["n_targets"]
+        rows |= {
+            "rig": f"{counted(bones, 'bone')}, {counted(targets, 'corrective target')}",
+            "KG error": f"{rig['kg_percent']:.3g} %",
+            "largest error": f"{rig['largest_percent']:.3g} % of the diagonal",
+            "normal error": f"{rig['normal_deg']:.2g} degrees (mean, of faces)",
+        }
+        sizes = figures.get("sizes_bytes", {}).items()
+        rows |= {f"  {name}": size_text(size) for name, size in sizes}
+    print_table(title, rows)
 
 
 def _capture_rows(result: "Result") -> dict[str, str]:
