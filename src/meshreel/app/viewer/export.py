@@ -7,11 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from meshreel.app.viewer.measuring import Measuring
 from meshreel.app.viewer.page import SCRIPT_NAME, Page, base64_of, built_page
 from meshreel.app.viewer.playable import MODES_EFFORT
 from meshreel.app.viewer.player_data import PlayerData
-from meshreel.app.viewer.track_comparison import TrackComparison
 from meshreel.codec.encoder import encode
 from meshreel.codec.memory import OWN_STREAM
 from meshreel.codec.reel_file import ReelFile
@@ -126,7 +124,16 @@ def export_page(
         files |= {path.parent / part.file_name: part.data for part in parts}
         sizes = {part.role: len(part.data) for part in parts}
     total = sum(map(len, files.values()))
-    _write(files, path, overwrite=overwrite)
+    # Existing files with the same contents are kept; the page is replaced on request only.
+    stale = {
+        file: contents
+        for file, contents in files.items()
+        if file == path or not _has_contents(file, contents)
+    }
+    check_output_paths(list(stale), overwrite=overwrite)
+    with replace_all_when_done(list(stale), overwrite=overwrite) as temporaries:
+        for temporary, contents in zip(temporaries, stale.values(), strict=True):
+            temporary.write_bytes(contents)
     player_bytes = total - sum(sizes.values())
     if original is not None and original.tracks_bytes:
         tracks_bytes = round(sizes["original"] * original.tracks_bytes / len(original.data))
@@ -158,16 +165,7 @@ def _reference(part: Part, **location: str) -> dict[str, Any]:
     return {**location, **({"mediaType": part.media_type} if part.media_type else {})}
 
 
-def _write(files: dict[Path, bytes], page: Path, *, overwrite: bool) -> None:
-    """Write the page, and other files unless they exist with the same contents."""
-    stale = {path: data for path, data in files.items() if path == page or not _equals(path, data)}
-    check_output_paths(list(stale), overwrite=overwrite)
-    with replace_all_when_done(list(stale), overwrite=overwrite) as temporaries:
-        for temporary, data in zip(temporaries, stale.values(), strict=True):
-            temporary.write_bytes(data)
-
-
-def _equals(path: Path, data: bytes) -> bool:
+def _has_contents(path: Path, data: bytes) -> bool:
     return path.is_file() and path.stat().st_size == len(data) and path.read_bytes() == data
 
 
@@ -183,9 +181,26 @@ def original_stream(shown: PlayerData, progress: Progress = silent) -> OriginalS
     assert shown.tracks is not None
     assert shown.measuring is not None
     original, reel = shown.comparison.original, shown.reel
-    free_bytes = _free_bytes_for_tracks(reel)
+    size_bytes = 24 * reel.n_frames * reel.n_verts
+    if size_bytes > MAX_ORIGINAL_BYTES:
+        raise InvalidInputError(
+            f"the original has {size_bytes / 1e9:.1f} GB of positions, too many for a page; omit ",
+            Keyword("original"),
+            ", or use meshreel view",
+        )
+    free_bytes = MAX_ORIGINAL_BYTES - size_bytes
     shown.measuring.run(progress)
-    targets = _track_targets(shown.tracks)
+    ranges = {heat["kind"]: heat["range"] for heat in shown.measuring.figures.heat_maps()}
+    # Error bounds of the original tracks that differ from those of the file.
+    targets = {}
+    for heat in shown.tracks.heat_maps():
+        bound, unit = (
+            SHARE_OF_RANGE * heat["range"],
+            error_unit(shown.tracks.kind(heat["track"]), ""),
+        )
+        targets[heat["track"]] = f"{bound!r}{unit}" if bound else "exact"
+    exact = [name for name in shown.tracks.names if name not in targets]
+    targets |= {name: "exact" for name in exact if shown.tracks.differs(name)}
     tracks: dict[str, Track] = {}
     for name in targets:
         track = original.tracks[name]
@@ -202,7 +217,7 @@ def original_stream(shown: PlayerData, progress: Progress = silent) -> OriginalS
     ).replace(timing=reel.timing)  # fmt: skip
     data = encode(
         sequence,
-        max_error=max(MIN_PERCENT, SHARE_OF_RANGE * _range_percent(shown.measuring)),
+        max_error=max(MIN_PERCENT, SHARE_OF_RANGE * float(ranges[DISTANCE])),
         effort=MODES_EFFORT,
         tracks={name: targets[name] for name in tracks},
         progress=progress,
@@ -212,30 +227,3 @@ def original_stream(shown: PlayerData, progress: Progress = silent) -> OriginalS
     with ReelFile(BytesIO(data), memory=OWN_STREAM) as encoded:
         tracks_bytes = sum(info.size_bytes for info in encoded.info().tracks)
     return OriginalStream(data, tracks_bytes, names, omitted_names)
-
-
-def _range_percent(measuring: Measuring) -> float:
-    ranges = {heat["kind"]: heat["range"] for heat in measuring.figures.heat_maps()}
-    return float(ranges[DISTANCE])
-
-
-def _track_targets(tracks: TrackComparison) -> dict[str, str]:
-    """Error bounds of the original tracks that differ from those of the file."""
-    targets = {}
-    for heat in tracks.heat_maps():
-        bound = SHARE_OF_RANGE * heat["range"]
-        unit = error_unit(tracks.kind(heat["track"]), "")
-        targets[heat["track"]] = f"{bound!r}{unit}" if bound else "exact"
-    exact = (name for name in tracks.names if name not in targets)
-    return targets | {name: "exact" for name in exact if tracks.differs(name)}
-
-
-def _free_bytes_for_tracks(reel: ReelFile) -> int:
-    size_bytes = 24 * reel.n_frames * reel.n_verts
-    if size_bytes > MAX_ORIGINAL_BYTES:
-        raise InvalidInputError(
-            f"the original has {size_bytes / 1e9:.1f} GB of positions, too many for a page; omit ",
-            Keyword("original"),
-            ", or use meshreel view",
-        )
-    return MAX_ORIGINAL_BYTES - size_bytes

@@ -37,7 +37,18 @@ class Original:
     """
 
     def __init__(self, source: FrameSource, reel: ReelFile) -> None:
-        _require_same_counts(source, reel)
+        counts = {
+            "vertices": (source.n_verts, reel.n_verts),
+            "faces": (len(source.faces), reel.n_faces),
+            "frames": (source.n_frames, reel.n_frames),
+        }
+        for noun, (count, count_hat) in counts.items():
+            is_cut = noun == "frames" and not reel.is_whole and count > count_hat
+            if count != count_hat and not is_cut:
+                raise InvalidInputError(
+                    f"the original has {count} {noun} and the file {count_hat}; "
+                    "give the original that was encoded"
+                )
         self._source = source
         self._lock = threading.Lock()
         self._order = _original_items(source, reel)
@@ -60,21 +71,6 @@ class Original:
         with self._lock:
             values: Values = track.read(number, number + 1)[0]
         return values[self._order[track.domain]] if track.domain in self._order else values
-
-
-def _require_same_counts(source: FrameSource, reel: ReelFile) -> None:
-    counts = {
-        "vertices": (source.n_verts, reel.n_verts),
-        "faces": (len(source.faces), reel.n_faces),
-        "frames": (source.n_frames, reel.n_frames),
-    }
-    for noun, (count, count_hat) in counts.items():
-        is_cut = noun == "frames" and not reel.is_whole and count > count_hat
-        if count != count_hat and not is_cut:
-            raise InvalidInputError(
-                f"the original has {count} {noun} and the file {count_hat}; "
-                "give the original that was encoded"
-            )
 
 
 def _original_items(source: FrameSource, reel: ReelFile) -> Mapping[Domain, Integers]:

@@ -4,6 +4,7 @@ A server answers requests for it, and an exported page contains it.
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +12,12 @@ import numpy as np
 
 from meshreel.app.viewer.measuring import Comparison, MeasuredErrors, Measuring
 from meshreel.app.viewer.playable import playable, reencoding_text
-from meshreel.app.viewer.texture import Texture, texture_for
 from meshreel.app.viewer.track_comparison import TrackComparison
 from meshreel.codec.inspect import StreamInfo
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import ConnectivityChangeError, CorruptStreamError, InvalidInputError
+from meshreel.formats.file_errors import check_input_file
+from meshreel.model.surface import Kind
 from meshreel.rendering.looks import TrackLook
 from meshreel.rendering.track_colors import TrackColors
 from meshreel.runtime.progress import Progress, silent
@@ -28,6 +30,56 @@ SMALLEST_DIAGONAL, LARGEST_DIAGONAL = 1e-30, 1e30
 
 TEXTURE = "texture"
 """Address of the texture of a served page."""
+
+MEDIA_TYPES = {
+    ".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg", ".webp": "image/webp",
+    ".avif": "image/avif", ".mp4": "video/mp4", ".webm": "video/webm", ".mov": "video/quicktime",
+}  # fmt: skip
+"""Media types of the formats that browsers show, by extension."""
+
+
+@dataclass(frozen=True)
+class Texture:
+    """A texture file and its media type."""
+
+    path: Path
+    media_type: str
+
+    @property
+    def size_bytes(self) -> int:
+        """Size of the file."""
+        return self.path.stat().st_size
+
+    def read(self, start: int, stop: int) -> bytes:
+        """Return bytes start..stop - 1 of the file."""
+        with self.path.open("rb") as file:
+            file.seek(start)
+            return file.read(stop - start)
+
+
+def texture_for(reel: ReelFile, path: Path) -> Texture:
+    """Return the texture in a file, checked against the mesh.
+
+    Raises
+    ------
+    InvalidInputError
+        If the file is missing, browsers cannot show its format, or the mesh has no UVs.
+    """
+    media_type = MEDIA_TYPES.get(path.suffix.lower())
+    if media_type is None:
+        raise InvalidInputError(
+            f"{path} is not an image or video that browsers show; supported extensions: "
+            f"{', '.join(MEDIA_TYPES)}"
+        )
+    if not path.is_file():
+        raise InvalidInputError(f"there is no file {str(path)!r}; check it")
+    check_input_file(path)
+    if not any(attribute.kind is Kind.UV for attribute in reel.surface.attributes):
+        raise InvalidInputError(
+            f"the stream has no texture coordinates to map {path.name} to the mesh; encode an "
+            "input that has them"
+        )
+    return Texture(path, media_type)
 
 
 class PlayerData:
@@ -113,7 +165,14 @@ class PlayerData:
         self.reel: ReelFile = reel if file.n_segments > 1 else playable(reel, progress)
         self.file: ReelFile = file if file.n_segments > 1 else self.reel
         self._name, self._measured_rows = name, measured_rows
-        self._rows, self._budget = _figures(file, rows_of)
+        self._rows: dict[str, str] = {}
+        self._budget: dict[str, int] = {}
+        try:
+            info = file.info()
+        except CorruptStreamError as error:  # the page shows the error in place of the figures
+            self._rows["damaged"] = str(error)
+        else:
+            self._rows, self._budget = dict(rows_of(info)), dict(info.budget_bytes)
         if self.is_reencoded:
             self._rows["shown"] = reencoding_text(self.method)
         self.reel.read(0, 1)  # raises if the first block is damaged
@@ -126,12 +185,29 @@ class PlayerData:
 
     def facts(self) -> dict[str, Any]:
         """Facts about the file that its stream does not contain."""
+        original = None
+        if self.comparison is not None:
+            errors = self.plots()
+            original = {
+                "diagonal": self.comparison.reference.diagonal,
+                "tracks": self.tracks.names if self.tracks else [],
+                "track_heats": self.tracks.heat_maps() if self.tracks else [],
+                **{key: errors[key] for key in ("heats", "plots", "rows", "worst_frame")},
+            }
+        look, colored_by = self._look, None
+        if look is not None:
+            colored_by = {
+                "track": look.name,
+                "component": look.component,
+                "range": look.range,
+                "colormap": look.colormap,
+            }
         return {
             "name": self.file.name or self._name,
             "rows": [list(row) for row in self._rows.items()],
             "budget": [list(row) for row in self._budget.items()],
-            "original": self._original(),
-            "colored_by": _look_facts(self._look) if self._look else None,
+            "original": original,
+            "colored_by": colored_by,
             "texture": self.texture and {"url": TEXTURE, "mediaType": self.texture.media_type},
         }
 
@@ -156,34 +232,3 @@ class PlayerData:
         assert self.comparison is not None  # callers check for an original
         positions = self.comparison.original.frame(number) - np.array(self.reel.frame.origin)
         return bytes(positions.astype("<f4").tobytes())
-
-    def _original(self) -> dict[str, Any] | None:
-        if self.comparison is None:
-            return None
-        errors = self.plots()
-        return {
-            "diagonal": self.comparison.reference.diagonal,
-            "tracks": self.tracks.names if self.tracks else [],
-            "track_heats": self.tracks.heat_maps() if self.tracks else [],
-            **{key: errors[key] for key in ("heats", "plots", "rows", "worst_frame")},
-        }
-
-
-def _figures(
-    file: ReelFile, rows_of: Callable[[StreamInfo], Rows]
-) -> tuple[dict[str, str], dict[str, int]]:
-    """Figures as text and bytes by kind of section; of a damaged file only the error."""
-    try:
-        info = file.info()
-    except CorruptStreamError as error:
-        return {"damaged": str(error)}, {}
-    return dict(rows_of(info)), dict(info.budget_bytes)
-
-
-def _look_facts(look: TrackLook) -> dict[str, str | None]:
-    return {
-        "track": look.name,
-        "component": look.component,
-        "range": look.range,
-        "colormap": look.colormap,
-    }

@@ -73,7 +73,12 @@ class ViewerServer(ThreadingHTTPServer):
         try:
             super().__init__((HOST, port), _Handler)
         except (OSError, OverflowError) as error:
-            raise InvalidInputError(_cannot_listen(port, error)) from None
+            if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
+                raise InvalidInputError(
+                    f"port {port} is in use; choose another, or 0 for a free one"
+                ) from None
+            reason = error.strerror if isinstance(error, OSError) else error
+            raise InvalidInputError(f"the player cannot listen on port {port}: {reason}") from None
 
     def server_bind(self) -> None:
         """Bind without resolving the host name, as the base class would."""
@@ -123,8 +128,17 @@ class _Handler(BaseHTTPRequestHandler):
             self._send_ranged(file.stored, file.size_bytes, BINARY)
         elif path == f"/{TEXTURE}" and (texture := self.server.data.texture):
             self._send_ranged(texture.read, texture.size_bytes, texture.media_type)
+        elif path == f"/{SCRIPT_NAME}":
+            self._send(HTTPStatus.OK, self.server.script)
         else:
-            self._send(*self._answer(path))
+            try:
+                answer = answer_of(self.server.data, path.removeprefix("/"))
+            except (MeshReelError, OSError, MemoryError) as error:
+                body = json.dumps({"error": str(error) or "not enough memory"}).encode()
+                self._send(HTTPStatus.INTERNAL_SERVER_ERROR, Answer(JSON, body))
+            else:
+                status = HTTPStatus.OK if answer else HTTPStatus.NOT_FOUND
+                self._send(status, answer or Answer(TEXT, b"not found"))
 
     do_HEAD = do_GET  # noqa: N815
 
@@ -163,18 +177,6 @@ class _Handler(BaseHTTPRequestHandler):
         if last and int(last) < int(first):
             return None
         return range(int(first), stop)
-
-    def _answer(self, path: str) -> tuple[HTTPStatus, Answer]:
-        if path == f"/{SCRIPT_NAME}":
-            return HTTPStatus.OK, self.server.script
-        try:
-            answer = answer_of(self.server.data, path.removeprefix("/"))
-        except (MeshReelError, OSError, MemoryError) as error:
-            body = json.dumps({"error": str(error) or "not enough memory"}).encode()
-            return HTTPStatus.INTERNAL_SERVER_ERROR, Answer(JSON, body)
-        if answer is None:
-            return HTTPStatus.NOT_FOUND, Answer(TEXT, b"not found")
-        return HTTPStatus.OK, answer
 
     def _send(
         self, status: HTTPStatus, answer: Answer, extra_headers: Mapping[str, str] | None = None
@@ -237,10 +239,3 @@ def _is_local(host: str | None) -> bool:
         return urlsplit(f"//{host}").hostname in LOCAL_NAMES
     except ValueError:
         return False
-
-
-def _cannot_listen(port: int, error: Exception) -> str:
-    if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
-        return f"port {port} is in use; choose another, or 0 for a free one"
-    reason = error.strerror if isinstance(error, OSError) else error
-    return f"the player cannot listen on port {port}: {reason}"

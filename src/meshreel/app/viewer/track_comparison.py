@@ -7,7 +7,6 @@ import numpy as np
 from meshreel.app.viewer.original import Original
 from meshreel.arrays import Values
 from meshreel.codec.reel_file import ReelFile
-from meshreel.codec.reel_track import ReelTrack
 from meshreel.metrics.track_errors import value_errors
 from meshreel.model.tracks import KIND_ROWS, TrackKind, TrackSource
 
@@ -39,7 +38,7 @@ class TrackComparison:
         self.names: list[str] = [
             name
             for name, track in reel.tracks.items()
-            if name in original.tracks and _is_comparable(original.tracks[name], track)
+            if name in original.tracks and _properties(original.tracks[name]) == _properties(track)
         ]
         self.lossy: list[str] = [name for name in self.names if not reel.tracks[name].is_exact]
 
@@ -69,23 +68,26 @@ class TrackComparison:
 
     def heat_maps(self) -> list[dict[str, Any]]:
         """Heat maps of the tracks that can differ, for the page."""
-        return [self._heat_map(number, name) for number, name in enumerate(self.lossy)]
-
-    def _heat_map(self, number: int, name: str) -> dict[str, Any]:
-        track = self._reel.tracks[name]
-        unit = "\N{DEGREE SIGN}" if KIND_ROWS[track.kind].is_direction else track.unit
-        largest = track.error_bound  # the page shortens labels at ", up to"
-        bound = "" if largest is None else f", up to {float(f'{largest:.4g}'):g} {unit}".rstrip()
-        if largest is None:
-            largest = self._largest_sampled_error(name)
-        return {
-            "kind": f"track {number}",
-            "label": f"error of {name}{bound}",
-            "unit": unit,
-            "maximum": largest,
-            "range": largest,
-            "track": name,
-        }
+        heats = []
+        for number, name in enumerate(self.lossy):
+            track = self._reel.tracks[name]
+            unit = "\N{DEGREE SIGN}" if KIND_ROWS[track.kind].is_direction else track.unit
+            largest, bound = track.error_bound, ""
+            if largest is None:
+                largest = self._largest_sampled_error(name)
+            else:  # the page shortens labels at ", up to"
+                bound = f", up to {float(f'{largest:.4g}'):g} {unit}".rstrip()
+            heats.append(
+                {
+                    "kind": f"track {number}",
+                    "label": f"error of {name}{bound}",
+                    "unit": unit,
+                    "maximum": largest,
+                    "range": largest,
+                    "track": name,
+                }
+            )
+        return heats
 
     def _largest_sampled_error(self, name: str) -> float:
         """The largest error in some frames, ignoring missing values."""
@@ -99,9 +101,5 @@ class TrackComparison:
         return float(np.max(samples, initial=0.0, where=np.isfinite(samples)))
 
 
-def _is_comparable(original: TrackSource, track: ReelTrack) -> bool:
-    properties = [
-        (source.domain, source.kind, source.dtype.kind == "f", *source.shape[1:])
-        for source in (original, track)
-    ]
-    return properties[0] == properties[1]
+def _properties(track: TrackSource) -> tuple[object, ...]:
+    return (track.domain, track.kind, track.dtype.kind == "f", *track.shape[1:])

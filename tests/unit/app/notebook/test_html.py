@@ -7,7 +7,7 @@ from io import BytesIO
 import numpy as np
 import pytest
 
-import meshreel.app.notebook.html as notebook
+from meshreel.app.notebook import show as notebook
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.reel_file import ReelFile
@@ -62,7 +62,7 @@ def test_player_shows_changing_faces(kind):
     assert carried(framed_page(html))["stream"] == data
 
 
-@pytest.mark.parametrize("limit", ["MAX_PLAYED", "MAX_HTML_BYTES"])
+@pytest.mark.parametrize("limit", ["MAX_PLAYED", "MAX_AUTOMATIC_BYTES"])
 def test_figures_are_shown_when_the_player_is_too_large(reel, monkeypatch, limit):
     monkeypatch.setattr(notebook, limit, 100)
     html = reel._repr_html_()

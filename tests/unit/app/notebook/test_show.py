@@ -21,7 +21,7 @@ TIMEOUT_S = 20
 
 @pytest.fixture(autouse=True)
 def _page(monkeypatch):
-    for module in ("meshreel.app.notebook.html", "meshreel.app.viewer.server"):
+    for module in ("meshreel.app.notebook.show", "meshreel.app.viewer.server"):
         monkeypatch.setattr(f"{module}.built_page", lambda: PAGE)
 
 
