@@ -24,12 +24,11 @@ from meshreel.formats.arrays.named_arrays import (
 )
 from meshreel.formats.arrays.named_tracks import TRACKS_FOLDER, Candidate, array_names, named_tracks
 from meshreel.formats.file_errors import errors_naming
-from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
+from meshreel.formats.frames.frame_stream import SegmentedStream
 from meshreel.formats.frames.stored_frames import CheckedReader, changed_error
 from meshreel.formats.hdf import (
     TRACK_ATTRIBUTES,
     Dataset,
-    HdfOutput,
     Node,
     describe_track,
     find_dataset,
@@ -73,7 +72,9 @@ def open_hdf_sequence(path: Path, reading: Reading) -> FrameSource:
         root = open_hdf(path)
         is_vtkhdf = find_group(root, "VTKHDF") is not None
     if is_vtkhdf:  # outside the context: its errors already name the path
-        return _open_vtkhdf(path, reading)
+        read_meshes = SEQUENCE_FORMATS[".vtkhdf"].read_meshes
+        assert read_meshes is not None
+        return open_scene(read_meshes, path, reading)
     with errors_naming(path), hdf_errors():
         positions = _find_positions(root, reading)
         if positions.dtype.kind != "f" or positions.dtype.itemsize not in (4, 8):
@@ -110,12 +111,6 @@ def open_hdf_sequence(path: Path, reading: Reading) -> FrameSource:
         return description.open(shape, dtype, read, [path], tracks, max_bytes, reading.progress)
 
 
-def _open_vtkhdf(path: Path, reading: Reading) -> FrameSource:
-    read_meshes = SEQUENCE_FORMATS[".vtkhdf"].read_meshes
-    assert read_meshes is not None
-    return open_scene(read_meshes, path, reading)
-
-
 def write_hdf(path: Path, segments: SegmentedStream, options: WriteOptions) -> None:
     """Write an HDF5 file frame by frame; positions and tracks round-trip exactly."""
     stream = segments.only()
@@ -126,20 +121,14 @@ def write_hdf(path: Path, segments: SegmentedStream, options: WriteOptions) -> N
             write_array(output.root, name, array)
         for index, frame in output.frames(stream):
             vertices[index] = frame
-        _write_tracks(output, stream)
-
-
-def _write_tracks(output: HdfOutput, stream: FrameStream) -> None:
-    """Write each track to a dataset of the track group, with its description as attributes."""
-    if not stream.tracks:
-        return
-    group = output.root.create_group(TRACKS_FOLDER)
-    dataset_names = array_names(stream.tracks)
-    for name, track in stream.tracks.items():
-        dataset = _create_dataset(group, dataset_names[name], track.shape, track.dtype)
-        describe_track(dataset, name, track)
-        for start, values in output.blocks(track):
-            dataset[start : start + len(values)] = values
+        if not stream.tracks:
+            return
+        group, dataset_names = output.root.create_group(TRACKS_FOLDER), array_names(stream.tracks)
+        for name, track in stream.tracks.items():
+            dataset = _create_dataset(group, dataset_names[name], track.shape, track.dtype)
+            describe_track(dataset, name, track)
+            for start, values in output.blocks(track):
+                dataset[start : start + len(values)] = values
 
 
 def _create_dataset(
@@ -174,39 +163,44 @@ def _candidates_next_to(root: Node, positions: Dataset) -> Iterator[Candidate]:
     parent = positions.name.rpartition("/")[0]
     for folder in (parent, f"{parent}/{TRACKS_FOLDER}"):
         group = find_group(root, folder or "/")
-        for name in group if group is not None else ():
-            is_reserved = folder == parent and RESERVED_NAMES.fullmatch(name)
+        if group is None:
+            continue
+        for name in group:
             path = f"{folder}/{name}".lstrip("/")
-            if not is_reserved and f"/{path}" != positions.name:
-                yield from _candidate(group, name, path)
-
-
-def _candidate(group: Node, name: str, path: str) -> Iterator[Candidate]:
-    h5py = HDF.load()
-    if not isinstance(group.get(name, getlink=True), h5py.HardLink):
-        return
-    try:
-        dataset = find_dataset(group, name)
-    except FormatError:  # external data: listed in the notes
-        yield Candidate(path, name, (), np.dtype(object))
-        return
-    if dataset is not None:
-        yield Candidate(
-            path,
-            read_text_attribute(dataset, "name") or name,
-            dataset.shape,
-            dataset.dtype,
-            read_text_attribute(dataset, "domain"),
-            read_text_attribute(dataset, "kind"),
-            read_unit(dataset),
-        )
+            is_reserved = folder == parent and RESERVED_NAMES.fullmatch(name)
+            if is_reserved or f"/{path}" == positions.name:
+                continue
+            if not isinstance(group.get(name, getlink=True), HDF.load().HardLink):
+                continue
+            try:
+                dataset = find_dataset(group, name)
+            except FormatError:  # external data: listed in the notes
+                yield Candidate(path, name, (), np.dtype(object))
+                continue
+            if dataset is not None:
+                yield Candidate(
+                    path,
+                    read_text_attribute(dataset, "name") or name,
+                    dataset.shape,
+                    dataset.dtype,
+                    read_text_attribute(dataset, "domain"),
+                    read_text_attribute(dataset, "kind"),
+                    read_unit(dataset),
+                )
 
 
 def _find_positions(root: Node, reading: Reading) -> Dataset:
     """Return the dataset of the options, or named vertices, or the only one with positions."""
     if reading.dataset is None and (dataset := find_dataset(root, POSITIONS)) is not None:
         return dataset
-    names = _candidates(root)
+    names: list[str] = []
+
+    def add_positions(name: str, node: Node) -> None:
+        is_track = PurePosixPath(name).parent.name == TRACKS_FOLDER
+        if isinstance(node, HDF.load().Dataset) and node.dtype.kind == "f" and not is_track:
+            names.extend([name] if has_positions(node.shape) else [])
+
+    _visit(root, add_positions)
     matches = names
     if reading.dataset is not None:
         if (dataset := find_dataset(root, reading.dataset)) is not None:
@@ -240,24 +234,6 @@ def _note_left_out(root: Node, read: Set[str], tracks: Set[str], notes: Notes) -
     notes.left_out_items(sorted(unread))
 
 
-def _folders(dataset: Dataset) -> list[str]:
-    """Paths of the groups above a dataset, nearest first."""
-    return [str(folder) for folder in PurePosixPath(dataset.name).parents]
-
-
-def _candidates(root: Node) -> list[str]:
-    """Paths of all datasets outside the track group that can be positions."""
-    names: list[str] = []
-
-    def visit(name: str, node: Node) -> None:
-        is_track = PurePosixPath(name).parent.name == TRACKS_FOLDER
-        if isinstance(node, HDF.load().Dataset) and node.dtype.kind == "f" and not is_track:
-            names.extend([name] if has_positions(node.shape) else [])
-
-    _visit(root, visit)
-    return names
-
-
 def _visit(root: Node, visit: Callable[[str, Node], None]) -> None:
     """Call a function with the path of each group and dataset; links are not followed."""
     numbers = count(1)
@@ -271,7 +247,8 @@ def _visit(root: Node, visit: Callable[[str, Node], None]) -> None:
 
 def _named_datasets(root: Node, positions: Dataset) -> dict[str, Dataset]:
     """Return the named arrays next to the positions; faces may also be in a group above."""
-    folders, datasets = _folders(positions), dict[str, Dataset]()
+    folders = [str(folder) for folder in PurePosixPath(positions.name).parents]  # nearest first
+    datasets: dict[str, Dataset] = {}
     for name in filter(RESERVED_NAMES.fullmatch, find_group(root, folders[0]) or ()):
         if (dataset := find_dataset(root, f"{folders[0]}/{name}")) is not None:
             datasets[name] = dataset

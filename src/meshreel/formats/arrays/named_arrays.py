@@ -76,18 +76,7 @@ def described_arrays(stream: FrameStream) -> dict[str, Array]:
     arrays: dict[str, Array] = {"faces": stream.faces}
     if surface.cells is not None:
         arrays = {"cells": surface.cells.nodes, "cell_types": surface.cells.types}
-    arrays |= {**_surface_arrays(surface), "fps": np.asarray(np.float64(timing.fps))}
-    if timing.times is not None:
-        arrays["times"] = timing.times
-    elif timing.start_s:
-        arrays["start_s"] = np.asarray(np.float64(timing.start_s))
-    return {**arrays, "name": np.asarray(np.str_(stream.name))}
-
-
-def _surface_arrays(surface: Surface) -> dict[str, Array]:
-    """Return the arrays of a surface by name; empty for a plain surface, and without cells."""
-    arrays: dict[str, Array] = {}
-    if surface.face_sizes is not None and surface.cells is None:
+    elif surface.face_sizes is not None:
         arrays["face_sizes"] = surface.face_sizes
     if surface.hard_edges is not None:
         arrays["hard_edges"] = surface.hard_edges
@@ -95,16 +84,25 @@ def _surface_arrays(surface: Surface) -> dict[str, Array]:
         arrays["part_names"] = text_array([part.name for part in surface.parts])
         sizes = [(part.n_verts, part.n_faces) for part in surface.parts]
         arrays["part_sizes"] = np.array(sizes, np.int64)
-    return arrays | _attribute_arrays(surface.attributes) | _group_arrays(surface.groups)
-
-
-def _read_timing(arrays: Mapping[str, Array], fps: float | None, n_frames: int | None) -> Timing:
-    """Return the timing of named arrays; `fps` replaces their rate and times."""
-    start_s, times = _number(arrays, "start_s"), arrays.get("times")
-    if times is not None:
-        timing = Timing.of_times(times, n_frames)
-        return timing.at_rate(fps)
-    return Timing.of_rate(_number(arrays, "fps") if fps is None else fps, start_s)
+    if attributes := surface.attributes:
+        arrays["attribute_names"] = text_array([attribute.name for attribute in attributes])
+        arrays["attribute_kinds"] = text_array([attribute.kind for attribute in attributes])
+        arrays["attribute_domains"] = text_array([attribute.domain for attribute in attributes])
+    for index, attribute in enumerate(surface.attributes):
+        arrays[f"attribute_{index}_values"] = attribute.values
+        if attribute.indices is not None:
+            arrays[f"attribute_{index}_indices"] = attribute.indices
+    if surface.groups:
+        arrays["group_names"] = text_array([group.name for group in surface.groups])
+    for index, group in enumerate(surface.groups):
+        arrays[f"group_{index}_labels"] = text_array(group.labels)
+        arrays[f"group_{index}_numbers"] = group.numbers
+    arrays["fps"] = np.asarray(np.float64(timing.fps))
+    if timing.times is not None:
+        arrays["times"] = timing.times
+    elif timing.start_s:
+        arrays["start_s"] = np.asarray(np.float64(timing.start_s))
+    return {**arrays, "name": np.asarray(np.str_(stream.name))}
 
 
 READ_ELSEWHERE = re.compile(r"fps|start_s|times|name|track_\w+")
@@ -160,17 +158,33 @@ def read_description(
     arrays = _ReadArrays(arrays)
     surface = _read_surface(arrays)
     if "cells" in arrays:
-        faces, cell_surface = surface_of_cells(_read_cells(arrays), n_verts)
+        if "cell_types" not in arrays:
+            raise FormatError(
+                "has `cells` without `cell_types`: add the VTK type of each cell, or one number "
+                "for all, such as 10 for tetrahedra or 12 for hexahedra"
+            )
+        nodes, types = arrays["cells"], arrays["cell_types"]
+        if nodes.ndim == 2:
+            types = np.full(len(nodes), types.item()) if types.size == 1 else types
+            nodes = nodes.reshape(-1)
+        faces, cell_surface = surface_of_cells(Cells(types, nodes), n_verts)
         surface = replace(surface, face_sizes=cell_surface.face_sizes, cells=cell_surface.cells)
     else:
         faces = arrays.get("faces", np.empty((0, 3), np.int32))
     reading.notes.left_out("arrays that no other refers to", sorted(arrays.unread))
-    return Description(
-        faces,
-        _text(arrays.get("name")) or name,
-        _read_timing(arrays, reading.fps, n_frames),
-        surface,
+    stored_name, start_s, times = (
+        arrays.get("name"),
+        _number(arrays, "start_s"),
+        arrays.get("times"),
     )
+    if stored_name is not None and stored_name.dtype.kind == "U" and stored_name.size == 1:
+        name = str(stored_name.ravel()[0]) or name
+    if times is not None:
+        timing = Timing.of_times(times, n_frames).at_rate(reading.fps)
+    else:
+        fps = _number(arrays, "fps") if reading.fps is None else reading.fps
+        timing = Timing.of_rate(fps, start_s)
+    return Description(faces, name, timing, surface)
 
 
 def vertex_numbers(arrays: Mapping[str, Array]) -> Array:
@@ -178,26 +192,8 @@ def vertex_numbers(arrays: Mapping[str, Array]) -> Array:
     return arrays["cells"] if "cells" in arrays else arrays["faces"]
 
 
-def _read_cells(arrays: Mapping[str, Array]) -> Cells:
-    if "cell_types" not in arrays:
-        raise FormatError(
-            "has `cells` without `cell_types`: add the VTK type of each cell, or one number for "
-            "all, such as 10 for tetrahedra or 12 for hexahedra"
-        )
-    nodes, types = _required(arrays, "cells"), arrays["cell_types"]
-    if nodes.ndim == 2 and types.size == 1:
-        types = np.full(len(nodes), types.item())
-    return Cells(types, nodes.reshape(-1) if nodes.ndim == 2 else nodes)
-
-
 def _read_surface(arrays: Mapping[str, Array]) -> Surface:
-    """Return the surface of named arrays, without checking that it fits a mesh.
-
-    Raises
-    ------
-    FormatError
-        If an array is missing or invalid; the message names it.
-    """
+    """Return the surface of named arrays, without checking that it fits a mesh."""
     names, kinds, domains = (
         text_list(arrays, f"attribute_{field}") for field in ("names", "kinds", "domains")
     )
@@ -224,57 +220,22 @@ def _read_surface(arrays: Mapping[str, Array]) -> Surface:
         )
         for index, name in enumerate(text_list(arrays, "group_names"))
     )
-    hard_edges = arrays.get("hard_edges")
-    return Surface(
-        arrays.get("face_sizes"), attributes, groups, _parts(arrays), hard_edges=hard_edges
-    )
-
-
-def _attribute_arrays(attributes: Sequence[Attribute]) -> dict[str, Array]:
-    if not attributes:
-        return {}
-    arrays = {
-        "attribute_names": text_array([attribute.name for attribute in attributes]),
-        "attribute_kinds": text_array([attribute.kind for attribute in attributes]),
-        "attribute_domains": text_array([attribute.domain for attribute in attributes]),
-    }
-    for index, attribute in enumerate(attributes):
-        arrays[f"attribute_{index}_values"] = attribute.values
-        if attribute.indices is not None:
-            arrays[f"attribute_{index}_indices"] = attribute.indices
-    return arrays
-
-
-def _group_arrays(groups: Sequence[FaceGroups]) -> dict[str, Array]:
-    if not groups:
-        return {}
-    arrays = {"group_names": text_array([group.name for group in groups])}
-    for index, group in enumerate(groups):
-        arrays[f"group_{index}_labels"] = text_array(group.labels)
-        arrays[f"group_{index}_numbers"] = group.numbers
-    return arrays
-
-
-def _parts(arrays: Mapping[str, Array]) -> tuple[Part, ...]:
-    names = text_list(arrays, "part_names")
+    part_names = text_list(arrays, "part_names")
     sizes = arrays.get("part_sizes", np.empty((0, 2), np.int64))
-    if sizes.shape != (len(names), 2) or sizes.dtype.kind not in "iu":
+    if sizes.shape != (len(part_names), 2) or sizes.dtype.kind not in "iu":
         raise FormatError(
-            f"part_sizes must be integers of shape ({len(names)}, 2), for {len(names)} "
+            f"part_sizes must be integers of shape ({len(part_names)}, 2), for {len(part_names)} "
             f"part_names; got {sizes.dtype} of {sizes.shape}"
         )
-    rows = sizes.tolist()
-    return tuple(Part(name, *row) for name, row in zip(names, rows, strict=True))
+    rows = zip(part_names, sizes.tolist(), strict=True)
+    parts = tuple(Part(name, *row) for name, row in rows)
+    hard_edges = arrays.get("hard_edges")
+    return Surface(arrays.get("face_sizes"), attributes, groups, parts, hard_edges=hard_edges)
 
 
 def text_array(texts: Sequence[str]) -> Array:
     """Return strings as an array of shape (N,)."""
     return np.array([str(text) for text in texts], dtype=np.str_)
-
-
-def _text(array: Array | None) -> str:
-    is_text = array is not None and array.dtype.kind == "U" and array.size == 1
-    return str(array.ravel()[0]) if is_text and array is not None else ""
 
 
 def text_list(arrays: Mapping[str, Array], name: str) -> list[str]:

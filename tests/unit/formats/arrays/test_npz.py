@@ -45,7 +45,7 @@ def test_errors_list_the_arrays_if_one_is_missing(tmp_path, arrays, message):
 @pytest.fixture
 def packed(tmp_path, monkeypatch):
     """A static mesh of 60 kB compressed to 2 kB, with the limit for any file set to 10 kB."""
-    monkeypatch.setattr("meshreel.formats.arrays.npz_members.MIN_UNPACKED_BYTES", 10_000)
+    monkeypatch.setattr("meshreel.formats.arrays.npz.MIN_UNPACKED_BYTES", 10_000)
     still = np.eye(3, dtype=np.float32)[None].repeat(1700, axis=0)
     np.savez_compressed(tmp_path / "still.npz", vertices=still, faces=FACES)
     return tmp_path / "still.npz"
@@ -66,7 +66,7 @@ def test_remedy_of_the_expansion_error_works(packed, tmp_path, read):
 
 
 def test_small_arrays_may_expand_without_limit(packed, monkeypatch):
-    monkeypatch.setattr("meshreel.formats.arrays.npz_members.MIN_UNPACKED_BYTES", 100_000)
+    monkeypatch.setattr("meshreel.formats.arrays.npz.MIN_UNPACKED_BYTES", 100_000)
     assert load(packed).n_frames == 1700
 
 
@@ -124,6 +124,6 @@ def test_memory_error_is_not_reported_as_damage(tmp_path, monkeypatch):
     def failing(*args, **options):
         raise MemoryError
 
-    monkeypatch.setattr("meshreel.formats.arrays.npz_members.np.load", failing)
+    monkeypatch.setattr("meshreel.formats.arrays.npz.np.load", failing)
     with pytest.raises(MemoryError):
         load(tmp_path / "walk.npz")
