@@ -9,12 +9,7 @@ from meshreel.arrays import Floats
 from meshreel.errors import ConnectivityChangeError, InvalidInputError, Keyword
 from meshreel.metrics.nmsve import nmsve_per_frame
 from meshreel.metrics.normals import normal_angles
-from meshreel.metrics.position_errors import (
-    ErrorSums,
-    PositionErrors,
-    add_sequence,
-    position_errors,
-)
+from meshreel.metrics.position_errors import ErrorSums, add_sequence, position_errors
 from meshreel.metrics.reference import bounding_box_reference, reference_of_extent, shared_reference
 from meshreel.metrics.sted import sted
 from meshreel.metrics.track_errors import TrackErrors, errors_of_tracks
@@ -163,7 +158,16 @@ def measure_quality(
             reason=difference or "requested",
             progress=progress,
         )
-        return replace(distances, vertex_errors=_vertex_errors(original, decoded))
+        pairs = list(zip(original.segments, decoded.segments, strict=False))
+        counts = [
+            [segment.n_frames for segment in sequence.segments] for sequence in (original, decoded)
+        ]
+        if counts[0] != counts[1] or any(mesh_difference(*pair) for pair in pairs):
+            return distances
+        sums = ErrorSums(reference_of_extent(original.extent))
+        for segment, segment_hat in pairs:
+            add_sequence(sums, segment, segment_hat)
+        return replace(distances, vertex_errors=sums.errors)
     if n_samples is not None:
         raise InvalidInputError(
             Keyword("n_samples"),
@@ -176,20 +180,6 @@ def measure_quality(
             f"{difference}; a comparison of vertices needs the same faces in every frame"
         )
     return compare(original, decoded, progress=progress)
-
-
-def _vertex_errors(original: MeshSequence, decoded: MeshSequence) -> PositionErrors | None:
-    """Return the errors of vertices if the meshes of all segments are the same."""
-    pairs = list(zip(original.segments, decoded.segments, strict=False))
-    counts = [
-        [segment.n_frames for segment in sequence.segments] for sequence in (original, decoded)
-    ]
-    if counts[0] != counts[1] or any(mesh_difference(*pair) for pair in pairs):
-        return None
-    sums = ErrorSums(reference_of_extent(original.extent))
-    for segment, segment_hat in pairs:
-        add_sequence(sums, segment, segment_hat)
-    return sums.errors
 
 
 def connectivity_difference(original: MeshSequence, decoded: MeshSequence) -> str:

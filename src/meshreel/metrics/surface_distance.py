@@ -202,15 +202,51 @@ def compare_surfaces(
         raise InvalidInputError(f"the number of samples must be at least 1; got {n_samples}")
     remark = "only sequences with equal numbers of frames can be compared"
     require_equal_frame_counts(original, decoded, remark)
-    space = _space_of(original, decoded)
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for vertices, faces in original:
+        corners = vertices[faces.ravel()]
+        low, high = np.minimum(low, corners.min(axis=0)), np.maximum(high, corners.max(axis=0))
+    space = _space_in(low, high, original, decoded)
     n_frames = original.n_frames
     stride = -(-n_frames * n_samples // MAX_POOLED)
+
+    def errors_of(numbered: tuple[int, tuple[_Frame, _Frame]]) -> _FrameErrors:
+        number, (frame, frame_hat) = numbered
+        triangles = space.triangles(frame, "original", number)
+        triangles_hat = space.triangles(frame_hat, "decoded", number)
+        subset = slice(number % stride, None, stride)
+        return _FrameErrors(
+            _one_way(triangles, triangles_hat, space, n_samples, subset),
+            _one_way(triangles_hat, triangles, space, n_samples, subset),
+            *_grid_errors(triangles, triangles_hat, space),
+            triangles.n_degenerate + triangles_hat.n_degenerate,
+        )
+
     pairs = enumerate(zip(original, decoded, strict=True))
     errors: list[_FrameErrors] = []
     while batch := list(islice(pairs, n_cores())):
-        errors += _compare_batch(batch, space, n_samples, stride)
+        errors += in_threads(errors_of, batch)
         progress("comparing", Count(len(errors), n_frames, "frames"))
-    return _summary(errors, space, n_samples, reason)
+
+    percent, peak = 100.0 / space.reference.diagonal_scaled, space.longest
+    both = [(error.to_decoded, error.to_original) for error in errors]
+    forward, backward = (_pooled(frames, percent) for frames in zip(*both, strict=True))
+    return SurfaceQuality(
+        to_decoded=forward,
+        to_original=backward,
+        psnr_db=_psnr_db([max(a.mean_square, b.mean_square) for a, b in both], peak),
+        d1_psnr_db=_psnr_db([error.d1 for error in errors], peak),
+        d2_psnr_db=_psnr_db([error.d2 for error in errors], peak),
+        mean_percent_of_frames=percent * np.array([max(a.mean, b.mean) for a, b in both]),
+        max_percent_of_frames=percent * np.array([max(a.largest, b.largest) for a, b in both]),
+        n_samples=n_samples,
+        n_grid_lines=space.n_lines,
+        n_degenerate_face_frames=sum(error.n_degenerate for error in errors),
+        n_frames=len(errors),
+        diagonal=space.reference.diagonal,
+        longest_side=space.longest / space.reference.scale,
+        reason=reason,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,14 +284,6 @@ class _Space:
                 "distances between surfaces need at least one"
             )
         return triangles
-
-
-def _space_of(original: SurfaceFrames, decoded: SurfaceFrames) -> _Space:
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    for vertices, faces in original:
-        corners = vertices[faces.ravel()]
-        low, high = np.minimum(low, corners.min(axis=0)), np.maximum(high, corners.max(axis=0))
-    return _space_in(low, high, original, decoded)
 
 
 def _space_in(
@@ -322,28 +350,6 @@ class _FrameErrors:
     n_degenerate: int
 
 
-def _compare_batch(
-    batch: Sequence[tuple[int, tuple[_Frame, _Frame]]], space: _Space, n_samples: int, stride: int
-) -> list[_FrameErrors]:
-    """Return the errors of some frames, computed in threads."""
-    errors: dict[int, _FrameErrors] = {}
-
-    def compare_frame(numbered: tuple[int, tuple[_Frame, _Frame]]) -> None:
-        number, (frame, frame_hat) = numbered
-        triangles = space.triangles(frame, "original", number)
-        triangles_hat = space.triangles(frame_hat, "decoded", number)
-        subset = slice(number % stride, None, stride)
-        errors[number] = _FrameErrors(
-            _one_way(triangles, triangles_hat, space, n_samples, subset),
-            _one_way(triangles_hat, triangles, space, n_samples, subset),
-            *_grid_errors(triangles, triangles_hat, space),
-            triangles.n_degenerate + triangles_hat.n_degenerate,
-        )
-
-    in_threads(compare_frame, batch)
-    return [errors[number] for number, _ in batch]
-
-
 def _one_way(
     source: TriangleSet, target: TriangleSet, space: _Space, n_samples: int, subset: slice
 ) -> _OneWay:
@@ -394,31 +400,6 @@ def _point_errors(
     heights = np.abs(np.einsum("na,na->n", offsets, target.normals[closest]))
     d1, d2 = (np.square(space.without_rounding(lengths)).mean() for lengths in (distances, heights))
     return float(d1), float(d2)
-
-
-def _summary(
-    errors: list[_FrameErrors], space: _Space, n_samples: int, reason: str
-) -> SurfaceQuality:
-    percent = 100.0 / space.reference.diagonal_scaled
-    pairs = [(error.to_decoded, error.to_original) for error in errors]
-    forward, backward = (_pooled(frames, percent) for frames in zip(*pairs, strict=True))
-    peak = space.longest
-    return SurfaceQuality(
-        to_decoded=forward,
-        to_original=backward,
-        psnr_db=_psnr_db([max(a.mean_square, b.mean_square) for a, b in pairs], peak),
-        d1_psnr_db=_psnr_db([error.d1 for error in errors], peak),
-        d2_psnr_db=_psnr_db([error.d2 for error in errors], peak),
-        mean_percent_of_frames=percent * np.array([max(a.mean, b.mean) for a, b in pairs]),
-        max_percent_of_frames=percent * np.array([max(a.largest, b.largest) for a, b in pairs]),
-        n_samples=n_samples,
-        n_grid_lines=space.n_lines,
-        n_degenerate_face_frames=sum(error.n_degenerate for error in errors),
-        n_frames=len(errors),
-        diagonal=space.reference.diagonal,
-        longest_side=space.longest / space.reference.scale,
-        reason=reason,
-    )
 
 
 def _pooled(frames: Sequence[_OneWay], percent: float) -> SurfaceDistances:

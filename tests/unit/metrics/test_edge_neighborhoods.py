@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from meshreel.metrics.edge_neighborhoods import EdgeNeighborhoods
+from meshreel.metrics.sted import EdgeNeighborhoods
 
 # A path 0-1-2-3-4 with edges a, b, c, d and an isolated vertex 5.
 # Edges that touch a vertex or its neighbors: 0: ab, 1: abc, 2: abcd, 3: bcd, 4: cd, 5: none.
