@@ -69,10 +69,19 @@ def find_inputs(folder: Path | str, *, but_not: Path | None = None) -> list[Batc
     files: dict[Path, Path | RemoteFile] = {}
     if is_remote(folder):
         top: Path | str = folder.rstrip("/")
-        files |= _remote_files(folder.rstrip("/"))
+        for file in files_below(folder.rstrip("/")):
+            if not any(part.startswith(".") for part in Path(file.name).parts):
+                files[Path(file.name)] = file
     else:
         top = Path(folder).absolute()
-        files |= _local_files(top, but_not)
+        if not top.is_dir():
+            raise InvalidInputError(f"there is no folder {str(top)!r}; name the folder of inputs")
+        skipped = but_not.resolve() if but_not else None
+        for parent in _folders_under(top):
+            if parent == top or parent.resolve() != skipped:
+                files |= {
+                    path.relative_to(top): path for path in _visible(parent) if path.is_file()
+                }
     inputs = list(_inputs_among(files, top))
     if not inputs:
         raise InvalidInputError(
@@ -80,18 +89,6 @@ def find_inputs(folder: Path | str, *, but_not: Path | None = None) -> list[Batc
             f"and for folders of frames ({', '.join(FRAME_FORMATS)})"
         )
     return inputs
-
-
-def _local_files(folder: Path, but_not: Path | None) -> Iterator[tuple[Path, Path]]:
-    """Yield relative and absolute paths of all visible files."""
-    if not folder.is_dir():
-        raise InvalidInputError(f"there is no folder {str(folder)!r}; name the folder of inputs")
-    skipped = but_not.resolve() if but_not else None
-    for parent in _folders_under(folder):
-        if parent == folder or parent.resolve() != skipped:
-            for path in _visible(parent):
-                if path.is_file():
-                    yield path.relative_to(folder), path
 
 
 def _folders_under(folder: Path, ancestors: tuple[Path, ...] = ()) -> Iterator[Path]:
@@ -109,13 +106,6 @@ def _visible(folder: Path) -> list[Path]:
     return [path for path in folder.iterdir() if not path.name.startswith(".")]
 
 
-def _remote_files(top: str) -> Iterator[tuple[Path, RemoteFile]]:
-    """Yield all visible files that a store lists, with their relative paths."""
-    for file in files_below(top):
-        if not any(part.startswith(".") for part in Path(file.name).parts):
-            yield Path(file.name), file
-
-
 def _inputs_among(files: Mapping[Path, Path | RemoteFile], top: Path | str) -> Iterator[BatchInput]:
     """Yield the inputs among files, by their relative paths."""
     by_folder: dict[Path, list[Path]] = {}
@@ -130,7 +120,8 @@ def _inputs_among(files: Mapping[Path, Path | RemoteFile], top: Path | str) -> I
         frames = [path for path in paths if path.suffix.lower() in FRAME_FORMATS]
         if frames:
             # The path of the input folder itself is ".", which has no name.
-            output = folder.parent / f"{folder.name or _name_of(top)}{OUTPUT_EXTENSION}"
+            name = name_of(top) if isinstance(top, str) else top.resolve().name
+            output = folder.parent / f"{folder.name or name}{OUTPUT_EXTENSION}"
             yield _input(folder, top, output, [files[path] for path in frames])
         for path in paths:
             if extension_of(path) in WHOLE_SEQUENCES:
@@ -145,10 +136,6 @@ def _input(path: Path, top: Path | str, output: Path, files: list[Path | RemoteF
     remote = tuple(file for file in files if isinstance(file, RemoteFile))
     source = top / path if isinstance(top, Path) else f"{top}/{path.as_posix()}".removesuffix("/.")
     return BatchInput(path.as_posix(), source, local, output.as_posix(), remote)
-
-
-def _name_of(folder: Path | str) -> str:
-    return name_of(folder) if isinstance(folder, str) else folder.resolve().name
 
 
 def _companions(files: list[Path]) -> set[Path]:

@@ -118,7 +118,9 @@ def encode_input(source: str, options: EncodeOptions, version: str) -> EncodedIn
         matches_frames=options.config.order in (None, "drop") and registering is None,
     )
     with local_copy(source) as files:
-        opened = open_for_encoding(files, _memory(options), reading)
+        # After memory ran out, frames are read on demand.
+        memory_bytes = options.config.memory_bytes if options.block_share == 1 else 0.0
+        opened = open_for_encoding(files, memory_bytes, reading)
         if registering is not None and opened.n_segments > 1:
             registering = replace(registering, quality=quality_of(options.config))
             registered = register_frames(opened, registering, notes, silent)
@@ -129,9 +131,11 @@ def encode_input(source: str, options: EncodeOptions, version: str) -> EncodedIn
         sequence, config = _apply_options(opened, options, notes)
         if registered is not None:
             config = registered.tuned(config, notes)
-        encoded = encode_and_measure(
-            sequence, config, _track_bounds(sequence, options, notes), notes
-        )
+        bounds, tracks = options.tracks or {}, tracks_of_all(sequence)
+        if missing := [name for name in bounds if name not in tracks]:
+            notes.changed(f"has no track {', '.join(missing)}")
+        bounds = {name: bound for name, bound in bounds.items() if name in tracks}
+        encoded = encode_and_measure(sequence, config, bounds, notes)
         if registered is not None:
             notes += registered.report(decode(encoded.data), silent).notes()
     figures = encoded.as_dict()
@@ -142,11 +146,6 @@ def encode_input(source: str, options: EncodeOptions, version: str) -> EncodedIn
     measured = {name: _finite(figures.get(name)) for name in MEASURED}
     seconds = round(time.perf_counter() - began, 3)
     return EncodedInput(encoded.data, {"seconds": seconds, **measured, "notes": notes})
-
-
-def _memory(options: EncodeOptions) -> float | None:
-    """Memory limit of encoding; 0 after memory ran out, so that frames are read on demand."""
-    return options.config.memory_bytes if options.block_share == 1 else 0.0
 
 
 def _apply_options(
@@ -174,33 +173,16 @@ def _apply_options(
         notes.changed(Message("has no images of materials for ", option))
         config = replace(config, images=None, max_image=None)
     if options.block_share < 1:
-        config = _with_smaller_blocks(config, sequence, options.block_share, notes)
+        largest = max(sequence.segments, key=positions_size_bytes)
+        sizes = max_items(largest.n_verts, largest.tracks.values()), largest.dtype.itemsize
+        block_frames = config.frames_in_block(largest.n_frames, *sizes)
+        n_frames = max(1, int(options.block_share * block_frames))
+        notes.result(
+            f"workers ran out of memory or died with blocks of {counted(block_frames, 'frame')}; "
+            f"coded in blocks of {n_frames}, which take more bytes"
+        )
+        config = config.with_blocks_of(n_frames, *sizes)
     return sequence, config
-
-
-def _with_smaller_blocks(
-    config: EncoderConfig, sequence: MeshSequence, share: float, notes: Notes
-) -> EncoderConfig:
-    largest = max(sequence.segments, key=positions_size_bytes)
-    number_bytes = largest.dtype.itemsize
-    n_items = max_items(largest.n_verts, largest.tracks.values())
-    block_frames = config.frames_in_block(largest.n_frames, n_items, number_bytes)
-    n_frames = max(1, int(share * block_frames))
-    notes.result(
-        f"workers ran out of memory or died with blocks of {counted(block_frames, 'frame')}; "
-        f"coded in blocks of {n_frames}, which take more bytes"
-    )
-    return config.with_blocks_of(n_frames, n_items, number_bytes)
-
-
-def _track_bounds(
-    sequence: MeshSequence, options: EncodeOptions, notes: Notes
-) -> dict[str, float | str]:
-    """The error bounds of tracks that the input has."""
-    bounds, tracks = options.tracks or {}, tracks_of_all(sequence)
-    if missing := [name for name in bounds if name not in tracks]:
-        notes.changed(f"has no track {', '.join(missing)}")
-    return {name: bound for name, bound in bounds.items() if name in tracks}
 
 
 def _finite(value: Any) -> Any:

@@ -62,23 +62,35 @@ def plan_batch(
     check_supported([batch_input.source for batch_input in inputs], options.reading)
     manifest = read_manifest(input_dir, out_dir, force=force)
     plan = Plan(input_dir, out_dir, options, manifest, [], {}, {}, set())
-    conflicts = _conflicts(inputs)
+    by_output = defaultdict[str, list[BatchInput]](list)
+    for batch_input in inputs:
+        by_output[batch_input.output].append(batch_input)
     for batch_input in inputs:
         earlier = manifest.records.get(batch_input.name)
         owns_output = earlier is not None and earlier.owns_output
         fingerprint, options_dict = batch_input.fingerprint(), options.as_dict()
         record = Record(PENDING, batch_input.output, True, fingerprint, options_dict)
-        output, reason = out_dir / batch_input.output, conflicts.get(batch_input)
-        if reason is None and not force and _is_up_to_date(record, earlier, output):
+        output, reason = out_dir / batch_input.output, ""
+        if len(group := by_output[batch_input.output]) > 1:
+            names = " and ".join(item.name for item in group)
+            reason = f"{names} would both become {batch_input.output}; rename one of them"
+        if not (reason or force) and _is_up_to_date(record, earlier, output):
             plan.up_to_date.append(batch_input.name)
             continue
         output_exists = output.exists()
-        if reason is None and output_exists:
+        if not reason and output_exists:
             if any(output.samefile(file) for file in batch_input.files):
-                reason = _is_input(output)
+                reason = (
+                    f"{output} is the input under another name, which is never replaced; remove "
+                    "the link"
+                )
             elif not (force or owns_output):
-                reason = _exists(output)
-        if reason is not None:
+                reason = Message(
+                    f"{output} exists and was not made from this input; use ",
+                    Keyword("force", True),
+                    " to replace it",
+                )
+        if reason:
             refused = replace(record, state=FAILED, owns_output=owns_output, error=reason)
             plan.refused[batch_input.name] = refused
         else:
@@ -96,29 +108,3 @@ def _is_up_to_date(record: Record, earlier: Record | None, output: Path) -> bool
         record.options,
     )
     return unchanged and output.is_file() and output.stat().st_size == earlier.size_bytes
-
-
-def _exists(output: Path) -> str:
-    return Message(
-        f"{output} exists and was not made from this input; use ",
-        Keyword("force", True),
-        " to replace it",
-    )
-
-
-def _is_input(output: Path) -> str:
-    return f"{output} is the input under another name, which is never replaced; remove the link"
-
-
-def _conflicts(inputs: list[BatchInput]) -> dict[BatchInput, str]:
-    """Inputs that share an output, each with the reason to refuse it."""
-    by_output = defaultdict(list)
-    for batch_input in inputs:
-        by_output[batch_input.output].append(batch_input)
-    return {
-        batch_input: f"{' and '.join(item.name for item in group)} would both become {output}; "
-        "rename one of them"
-        for output, group in by_output.items()
-        if len(group) > 1
-        for batch_input in group
-    }

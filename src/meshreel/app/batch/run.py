@@ -79,7 +79,16 @@ def run_batch(
     manifest.write()
     try:
         if executor is not None:
-            _encode_all(plan, executor, n_workers, progress)
+            stage = f"encoding, {n_workers} at a time" if n_workers else "encoding"
+            if n_workers:  # otherwise the executor has reported that inputs wait
+                progress(stage, Count(0, len(plan.to_encode), "inputs"))
+            # Ctrl-C does not interrupt this thread, and waits for it: every stream gets its record.
+            with ThreadPoolExecutor(1, "meshreel-write") as writer:
+                outcomes = _outcomes(plan, executor, n_workers)
+                for n_encoded, (batch_input, outcome) in enumerate(outcomes, start=1):
+                    writer.submit(_finish, plan, batch_input, outcome).result()
+                    del outcome  # releases its stream during the wait for the next
+                    progress(stage, Count(n_encoded, len(plan.to_encode), "inputs"))
     finally:
         manifest.write()
     records = manifest.records
@@ -91,20 +100,6 @@ def run_batch(
     return BatchReport(up_to_date, groups[DONE], groups[FAILED])
 
 
-def _encode_all(plan: Plan, executor: Executor, n_workers: int, progress: Progress) -> None:
-    n_inputs = len(plan.to_encode)
-    stage = f"encoding, {n_workers} at a time" if n_workers else "encoding"
-    if n_workers:  # otherwise the executor has reported that inputs wait
-        progress(stage, Count(0, n_inputs, "inputs"))
-    # Ctrl-C does not interrupt this thread, and waits for it: every stream gets its record.
-    with ThreadPoolExecutor(1, "meshreel-write") as writer:
-        outcomes = _outcomes(plan, executor, n_workers)
-        for n_encoded, (batch_input, outcome) in enumerate(outcomes, start=1):
-            writer.submit(_finish, plan, batch_input, outcome).result()
-            del outcome  # releases its stream during the wait for the next
-            progress(stage, Count(n_encoded, n_inputs, "inputs"))
-
-
 def _outcomes(
     plan: Plan, executor: Executor, n_workers: int
 ) -> Iterator[tuple[BatchInput, "Future[EncodedInput]"]]:
@@ -112,7 +107,9 @@ def _outcomes(
 
     An input whose worker died is retried alone at the end: it may not be the cause.
     """
-    waiting = deque((batch_input, plan.options) for batch_input in _largest_first(plan))
+    # By descending size: a long one that started last would run alone.
+    largest_first = sorted(plan.to_encode, key=lambda batch_input: -batch_input.size_bytes)
+    waiting = deque((batch_input, plan.options) for batch_input in largest_first)
     pending: dict[Future[EncodedInput], tuple[BatchInput, EncodeOptions]] = {}
     retries: deque[tuple[BatchInput, EncodeOptions]] = deque()
     limit = max(MIN_SUBMITTED, 2 * n_workers)
@@ -126,7 +123,7 @@ def _outcomes(
                 pending[executor.submit(encode_input, *item)] = batch_input, options
             for future in completed(pending):
                 batch_input, options = pending.pop(future)
-                error = _error_of(future)
+                error = CancelledError() if future.cancelled() else future.exception()
                 smaller = options.smaller(error) if error else None
                 if error is None or smaller is None:
                     yield batch_input, future
@@ -136,15 +133,6 @@ def _outcomes(
     finally:
         for future in pending:
             future.cancel()
-
-
-def _error_of(future: "Future[EncodedInput]") -> BaseException | None:
-    return CancelledError() if future.cancelled() else future.exception()
-
-
-def _largest_first(plan: Plan) -> list[BatchInput]:
-    """The inputs by descending file size: a long one that started last would run alone."""
-    return sorted(plan.to_encode, key=lambda batch_input: -batch_input.size_bytes)
 
 
 def _finish(plan: Plan, batch_input: BatchInput, outcome: "Future[EncodedInput]") -> None:
