@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.runtime.workers import processes
+from meshreel.runtime.workers import executors
 from samples.captures import as_frames, capsule, capture, textured_capture
 from samples.commands import assert_fails, run, run_json, run_ok
 
@@ -20,7 +20,7 @@ ADVICE = "`meshreel register` can follow the surface"
 @pytest.fixture(autouse=True)
 def batch_here(monkeypatch):
     """Let `batch` encode in this process, which has few grid lines."""
-    monkeypatch.setattr(processes, "ProcessExecutor", ThreadPoolExecutor)
+    monkeypatch.setattr(executors, "ProcessExecutor", ThreadPoolExecutor)
 
 
 @pytest.fixture(scope="module")

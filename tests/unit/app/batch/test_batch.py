@@ -18,7 +18,7 @@ from meshreel.codec.options import config_of
 from meshreel.errors import InvalidInputError, WorkerDiedError
 from meshreel.formats.options import Reading
 from meshreel.model.tracks import Track
-from meshreel.runtime.workers.processes import ProcessExecutor
+from meshreel.runtime.workers.executors import ProcessExecutor
 from samples.engines import InlineExecutor
 from samples.materials import dressed_sheet
 from samples.meshes import quad_sheet, waving_grid

@@ -45,7 +45,7 @@ def test_rerun_completes_a_batch_killed_at_any_moment(tmp_path):
 
 WORKING = """
 import os, sys, time
-from meshreel.runtime.workers.processes import ProcessExecutor
+from meshreel.runtime.workers.executors import ProcessExecutor
 from samples.tasks import slow_square, process_id
 if __name__ == "__main__":
     executor = ProcessExecutor(1)

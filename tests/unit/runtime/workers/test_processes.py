@@ -10,7 +10,7 @@ import pytest
 
 from meshreel.errors import InvalidInputError, WorkerDiedError
 from meshreel.runtime.threads import n_cores
-from meshreel.runtime.workers.processes import ProcessExecutor
+from meshreel.runtime.workers.executors import ProcessExecutor
 from samples.tasks import (
     cores_and_blas_threads,
     die_always,
