@@ -24,11 +24,12 @@ from meshreel.formats.arrays.named_arrays import (
 )
 from meshreel.formats.arrays.named_tracks import TRACKS_FOLDER, Candidate, array_names, named_tracks
 from meshreel.formats.file_errors import errors_naming
-from meshreel.formats.frames.frame_stream import SegmentedStream
+from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.stored_frames import CheckedReader, changed_error
 from meshreel.formats.hdf import (
     TRACK_ATTRIBUTES,
     Dataset,
+    HdfOutput,
     Node,
     describe_track,
     find_dataset,
@@ -121,14 +122,22 @@ def write_hdf(path: Path, segments: SegmentedStream, options: WriteOptions) -> N
             write_array(output.root, name, array)
         for index, frame in output.frames(stream):
             vertices[index] = frame
-        if not stream.tracks:
-            return
-        group, dataset_names = output.root.create_group(TRACKS_FOLDER), array_names(stream.tracks)
-        for name, track in stream.tracks.items():
-            dataset = _create_dataset(group, dataset_names[name], track.shape, track.dtype)
-            describe_track(dataset, name, track)
-            for start, values in output.blocks(track):
-                dataset[start : start + len(values)] = values
+        _write_tracks(output, stream)
+
+
+def _write_tracks(output: HdfOutput, stream: FrameStream) -> None:
+    """Write each track to a dataset of the track group, with its description as attributes."""
+    if not stream.tracks:
+        return
+    group = output.root.create_group(TRACKS_FOLDER)
+    dataset_names = array_names(stream.tracks)
+    for name, track in stream.tracks.items():
+        # HDF5 places the last chunks of a dataset when it closes it: the last track when this
+        # function returns, before the positions.
+        dataset = _create_dataset(group, dataset_names[name], track.shape, track.dtype)
+        describe_track(dataset, name, track)
+        for start, values in output.blocks(track):
+            dataset[start : start + len(values)] = values
 
 
 def _create_dataset(
