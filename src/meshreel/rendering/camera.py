@@ -115,29 +115,19 @@ def fit_camera(
             f"got {azimuth_deg} and {elevation_deg}"
         )
     _check_size(width, height)
+    frames: Iterable[npt.NDArray[np.floating]] = vertices
+    if isinstance(vertices, np.ndarray):
+        if vertices.ndim not in (2, 3) or vertices.shape[-1] != 3 or vertices.size == 0:
+            raise InvalidInputError(
+                f"vertices must have shape (T, V, 3) or (V, 3); got {vertices.shape}"
+            )
+        frames = vertices[None] if vertices.ndim == 2 else vertices
     axes = _viewing_axes(np.radians(azimuth_deg), np.radians(elevation_deg), up)
     shorter_px = min(width, height)
     focal_px = 0.5 * shorter_px / np.tan(np.radians(FIELD_OF_VIEW_DEG / 2))
     slopes = (np.array([width, height]) / 2 - margin * shorter_px) / focal_px
-    return Camera(
-        _nearest_eye(_frames_of(vertices), axes, slopes) @ axes,
-        axes,
-        float(focal_px),
-        width,
-        height,
-    )
-
-
-def _frames_of(
-    vertices: npt.NDArray[np.floating] | Iterable[npt.NDArray[np.floating]],
-) -> Iterable[npt.NDArray[np.floating]]:
-    if not isinstance(vertices, np.ndarray):
-        return vertices
-    if vertices.ndim not in (2, 3) or vertices.shape[-1] != 3 or vertices.size == 0:
-        raise InvalidInputError(
-            f"vertices must have shape (T, V, 3) or (V, 3); got {vertices.shape}"
-        )
-    return vertices[None] if vertices.ndim == 2 else vertices
+    eye = _nearest_eye(frames, axes, slopes) @ axes
+    return Camera(eye, axes, float(focal_px), width, height)
 
 
 def _check_size(width: int, height: int) -> None:

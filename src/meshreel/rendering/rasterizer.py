@@ -84,7 +84,14 @@ def render(
         width=camera.width * supersample,
         height=camera.height * supersample,
     )
-    rgb = _checked_colors(colors, len(verts), len(faces))
+    rgb = np.asarray(colors, np.float32)
+    if rgb.shape not in ((3,), (len(verts), 3), (len(faces), 3, 3)):
+        raise InvalidInputError(
+            f"colors must have shape (3,), ({len(verts)}, 3), one for each vertex, or "
+            f"({len(faces)}, 3, 3), one for each corner; got {rgb.shape}"
+        )
+    if not (rgb.min() >= 0 and rgb.max() <= 255):
+        raise InvalidInputError("colors must be sRGB values in 0..255")
     points, depths = fine.project(verts)
     inv_depths = inverse_depths(depths)
     size = fine.width, fine.height
@@ -95,15 +102,3 @@ def render(
     if (box := covered_box(visible, supersample)) is not None:
         picture[box] = shade_box(surface, visible, box, supersample, background)
     return picture
-
-
-def _checked_colors(colors: npt.ArrayLike, n_verts: int, n_faces: int) -> Singles:
-    array = np.asarray(colors, np.float32)
-    if array.shape not in ((3,), (n_verts, 3), (n_faces, 3, 3)):
-        raise InvalidInputError(
-            f"colors must have shape (3,), ({n_verts}, 3), one for each vertex, or "
-            f"({n_faces}, 3, 3), one for each corner; got {array.shape}"
-        )
-    if not (array.min() >= 0 and array.max() <= 255):
-        raise InvalidInputError("colors must be sRGB values in 0..255")
-    return array

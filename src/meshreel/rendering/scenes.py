@@ -176,7 +176,17 @@ class Scene:
         self.track: TrackColors | None = None
         if track is not None:
             tracks = [track_by_name(tracks_of_all(source), track.name) for source in self._sources]
-            _require_same_kind(self._sources, track.name)
+            segments = [segment for source in self._sources for segment in source.segments]
+            kinds = {}
+            for segment in segments:
+                if (one := segment.tracks.get(track.name)) is not None:
+                    kinds[one.kind, one.domain, one.shape[2]] = one
+            if len(kinds) > 1:
+                texts = " and ".join(describe_track(one) for one in kinds.values())
+                raise InvalidInputError(
+                    f"track {track.name!r} is {texts}; only a track of one kind in all segments "
+                    "can be drawn"
+                )
             self.track = TrackColors(track, tracks[-1])
             if cut is not None and self.track.domain in (Domain.FACE, Domain.CORNER):
                 raise InvalidInputError(
@@ -226,30 +236,26 @@ class Scene:
     def read(self, number: int) -> SceneFrame:
         """Read a frame of each sequence."""
         pairs = [segment_of_frame(source.starts, number) for source in self._sources]
-        segments = [segment for segment, _ in pairs]
-        looks = [look(segment) for look, segment in zip(self._looks, segments, strict=True)]
-        return SceneFrame(
-            [source[number].vertices for source in self._sources],
-            looks,
-            []
-            if self.track is None
-            else [self._values(source, number) for source in self._sources],
-            self._field(segments[0], segments[-1]) if self.heat not in (None, TRACK_HEAT) else None,
-            [
-                None if look.is_cut else _shown_triangles(source.segments[segment], local)
-                for source, look, (segment, local) in zip(self._sources, looks, pairs, strict=True)
-            ],
-        )
+        looks = [look(index) for look, (index, _) in zip(self._looks, pairs, strict=True)]
+        values: list[Values] = []
+        shown: list[npt.NDArray[np.bool_] | None] = []
+        for source, look, (index, local) in zip(self._sources, looks, pairs, strict=True):
+            segment = source.segments[index]
+            if self.track is not None:
+                values.append(self._values(self.track, segment, local))
+            shown.append(None if look.is_cut else _shown_triangles(segment, local))
+        positions = [source[number].vertices for source in self._sources]
+        has_field = self.heat not in (None, TRACK_HEAT)
+        field = self._field(pairs[0][0], pairs[-1][0]) if has_field else None
+        return SceneFrame(positions, looks, values, field, shown)
 
-    def _values(self, source: MeshSequence, number: int) -> Values:
-        """Values of the track in a frame; NaN in a segment without it."""
-        assert self.track is not None
-        index, local = segment_of_frame(source.starts, number)
-        segment = source.segments[index]
-        if self.track.name in segment.tracks:
-            return np.asarray(segment.tracks[self.track.name].read(local, local + 1)[0])
-        n_items = segment.surface.n_items(self.track.domain, segment.n_verts, len(segment.faces))
-        return np.full((n_items, self.track.n_columns), np.nan, np.float32)
+    @staticmethod
+    def _values(track: TrackColors, segment: FrameSource, local: int) -> Values:
+        """Values of the track in a frame of a segment; NaN if the segment lacks it."""
+        if track.name in segment.tracks:
+            return np.asarray(segment.tracks[track.name].read(local, local + 1)[0])
+        n_items = segment.surface.n_items(track.domain, segment.n_verts, len(segment.faces))
+        return np.full((n_items, track.n_columns), np.nan, np.float32)
 
     def _field_of_segments(self, original: int, decoded: int) -> Field:
         """Return the error field of frames in a segment of the original and one of the decoded."""
@@ -298,8 +304,10 @@ class Scene:
         """
         paints = [look.paint for look in moment.looks]
         if self.track is not None:
-            colors = self._track_colors(self.track, moment, scales.track)
-            paints = [(values, GLOW) for values in colors]
+            paints = []
+            for values, look in zip(moment.values, moment.looks, strict=True):
+                colors = self.track.colors(values, scales.track)
+                paints.append((self._drawable_colors(self.track, colors, look), GLOW))
         views = [*zip(moment.positions, moment.looks, moment.shown, paints, strict=True)]
         if scales.heat is not None:
             heat, look = colorize(self._heat(moment), 0.0, scales.heat.high), moment.looks[-1]
@@ -321,14 +329,6 @@ class Scene:
             return moment.field(*moment.positions)
         assert self.track is not None  # checked in __init__
         return self.track.errors(*moment.values)
-
-    def _track_colors(
-        self, track: TrackColors, moment: SceneFrame, scale: TrackScale | None
-    ) -> list[npt.ArrayLike]:
-        return [
-            self._drawable_colors(track, track.colors(values, scale), look)
-            for values, look in zip(moment.values, moment.looks, strict=True)
-        ]
 
     @staticmethod
     def _drawable_colors(track: TrackColors, colors: Image, look: MeshLook) -> Image:
@@ -388,18 +388,6 @@ def _shown_triangles(segment: FrameSource, number: int) -> npt.NDArray[np.bool_]
         return None
     is_face_shown = np.all([mask.read(number, number + 1)[0, :, 0] != 0 for mask in masks], axis=0)
     return np.repeat(is_face_shown, segment.surface.sizes(len(segment.faces)) - 2)
-
-
-def _require_same_kind(sources: Sequence[MeshSequence], name: str) -> None:
-    """Raise InvalidInputError if a track has another domain or width in some segment."""
-    segments = [segment for source in sources for segment in source.segments]
-    tracks = [segment.tracks[name] for segment in segments if name in segment.tracks]
-    kinds = {(track.kind, track.domain, track.shape[2]): track for track in tracks}
-    if len(kinds) > 1:
-        texts = " and ".join(describe_track(track) for track in kinds.values())
-        raise InvalidInputError(
-            f"track {name!r} is {texts}; only a track of one kind in all segments can be drawn"
-        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Floats
 from meshreel.errors import InvalidInputError
 from meshreel.model.extent import Extent
 from meshreel.rendering.camera import Camera, fit_camera
@@ -48,8 +47,9 @@ class View:
     def aspect(self, frames: Frames) -> float:
         """Aspect ratio, width over height, of the projected mesh; 1 for a point."""
         camera = self.camera(frames, 512, 512)
-        low, high = _bounds(camera.project(frame)[0] for frame in frames)
-        width, height = np.maximum(high - low, 1.0)
+        projected = (camera.project(frame)[0] for frame in frames)
+        boxes = np.array([(points.min(axis=0), points.max(axis=0)) for points in projected])
+        width, height = np.maximum(boxes[:, 1].max(axis=0) - boxes[:, 0].min(axis=0), 1.0)
         return float(width / height)
 
 
@@ -78,10 +78,3 @@ def guess_up(extent: Extent) -> str:
     height = extent.high - extent.low
     rises = (height > 0) & (np.abs(extent.low) <= ON_THE_FLOOR * height)
     return "z" if rises[2] and not rises[1] else "y"
-
-
-def _bounds(frames: Iterable[npt.NDArray[np.floating]]) -> tuple[Floats, Floats]:
-    """Lowest and highest coordinates of all frames."""
-    boxes = [(frame.min(axis=0), frame.max(axis=0)) for frame in frames]
-    lows, highs = (np.array(side, np.float64) for side in zip(*boxes, strict=True))
-    return lows.min(axis=0), highs.max(axis=0)
