@@ -80,6 +80,8 @@ def own_codec(text: str, names: Iterable[str]) -> Peer:
         return vertices.astype(dtype)
 
     numbers = tuple(settings)
+    # Results of an earlier version of the module are not reused.
+    digest = hashlib.sha256(inspect.getsource(module).encode()).hexdigest()[:12]
     return Peer(
         name=name,
         summary=f"the functions {encode_name} and {decode_name} of {Path(place).name}",
@@ -91,7 +93,7 @@ def own_codec(text: str, names: Iterable[str]) -> Peer:
         params="setting {:g}",
         has_faces=has_faces,
         takes_faces=True,
-        source=_digest(module),
+        source=digest,
     )
 
 
@@ -120,8 +122,3 @@ def _function(module: ModuleType, name: str) -> Callable[..., Any]:
     if not callable(function):
         raise InvalidInputError(f"module {module.__name__} has no function {name!r}; {USAGE}")
     return function  # type: ignore[no-any-return]  # what it returns is checked
-
-
-def _digest(module: ModuleType) -> str:
-    """Hash of the module's source: results of an earlier version are not reused."""
-    return hashlib.sha256(inspect.getsource(module).encode()).hexdigest()[:12]

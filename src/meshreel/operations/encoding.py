@@ -6,15 +6,15 @@ from typing import Any
 from meshreel.codec.achieved import Achieved, measure_stream, measure_uvs
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.encoder import encode_with
-from meshreel.codec.inspect import StreamInfo, TrackInfo, bound_notes, info
+from meshreel.codec.inspect import StreamInfo, bound_notes, info
 from meshreel.codec.reordering import joined_note, without_reordering
 from meshreel.codec.solver_state import solver_state_note
 from meshreel.codec.surface.payloads import order_notes
-from meshreel.codec.track_bounds import EXACT, TrackBound, TrackTargets, kept_bounds, without_units
+from meshreel.codec.track_bounds import EXACT, TrackTargets, kept_bounds, without_units
 from meshreel.errors import Keyword, Message, parts_of
 from meshreel.model.notes import Notes, note_unknown_rate
 from meshreel.model.sequence import MeshSequence, tracks_of_all
-from meshreel.model.tracks import TrackSource, error_bound_of
+from meshreel.model.tracks import error_bound_of
 from meshreel.runtime.counting import size_text
 from meshreel.runtime.progress import Progress, silent
 
@@ -63,41 +63,6 @@ class Encoded:
         }
 
 
-def _note_large_order(notes: Notes, stream: StreamInfo) -> None:
-    """Note the option that drops the order if the order takes much of a stream."""
-    size_bytes = stream.part_bytes.get("order", 0)
-    if size_bytes < max(MIN_ORDER_BYTES, MAX_ORDER_SHARE * stream.size_bytes):
-        return
-    lost = {"polygons": stream.n_polygons != stream.n_faces, "parts": stream.parts}
-    names = " and ".join(name for name, is_lost in lost.items() if is_lost)
-    notes.result(
-        Message(
-            f"{100 * size_bytes / stream.size_bytes:.0f} % of the file is the order of vertices "
-            "and faces; ",
-            Keyword("order", "drop"),
-            " leaves it out: the model is the same, but vertices and faces get other numbers, so "
-            "that other files which refer to these no longer fit",
-            f"; {names} are lost" if names else "",
-        )
-    )
-
-
-def _note_large_images(notes: Notes, stream: StreamInfo) -> None:
-    """Note the options that make images smaller if they take much of a stream."""
-    if stream.image_bytes < max(MIN_IMAGE_BYTES, MAX_IMAGE_SHARE * stream.size_bytes):
-        return
-    notes.result(
-        Message(
-            f"images are {100 * stream.image_bytes / stream.size_bytes:.0f} % of the file, "
-            f"{size_text(stream.image_bytes)}: ",
-            Keyword("images", "webp"),
-            " compresses them, with small losses of color, and ",
-            Keyword("max_image"),
-            " scales them down",
-        )
-    )
-
-
 def size_figures(stream: StreamInfo) -> dict[str, Any]:
     """Sizes and counts of a stream, as `encode` prints them as JSON."""
     figures = stream.as_dict()
@@ -134,24 +99,44 @@ def encode_and_measure(
     stream = info(data)
     surfaces = (segment.surface for segment in sequence.segments)
     notes += order_notes(surfaces, stream.order, is_chosen=config.order is not None)
-    if config.order is None:
-        _note_large_order(notes, stream)
-    if config.images is None and config.max_image is None:
-        _note_large_images(notes, stream)
+    order_bytes = stream.part_bytes.get("order", 0)
+    limit_bytes = max(MIN_ORDER_BYTES, MAX_ORDER_SHARE * stream.size_bytes)
+    if config.order is None and order_bytes >= limit_bytes:
+        lost = {"polygons": stream.n_polygons != stream.n_faces, "parts": stream.parts}
+        names = " and ".join(name for name, is_lost in lost.items() if is_lost)
+        notes.result(
+            Message(
+                f"{100 * order_bytes / stream.size_bytes:.0f} % of the file is the order of "
+                "vertices and faces; ",
+                Keyword("order", "drop"),
+                " leaves it out: the model is the same, but vertices and faces get other numbers, "
+                "so that other files which refer to these no longer fit",
+                f"; {names} are lost" if names else "",
+            )
+        )
+    keeps_images = config.images is None and config.max_image is None
+    limit_bytes = max(MIN_IMAGE_BYTES, MAX_IMAGE_SHARE * stream.size_bytes)
+    if keeps_images and stream.image_bytes >= limit_bytes:
+        notes.result(
+            Message(
+                f"images are {100 * stream.image_bytes / stream.size_bytes:.0f} % of the file, "
+                f"{size_text(stream.image_bytes)}: ",
+                Keyword("images", "webp"),
+                " compresses them, with small losses of color, and ",
+                Keyword("max_image"),
+                " scales them down",
+            )
+        )
     notes += filter(None, [solver_state_note(stream.tracks, tracks)])
     notes += bound_notes(sequence, data, achieved.max_error_percent)
     note_unknown_rate(notes, sequence.n_frames, sequence.fps)
     uv = None if config.uv_bits is None else measure_uvs(sequence, data)
     originals = tracks_of_all(sequence)
-    bounds = kept_bounds(config, originals, tracks)
-    origins = {
-        track.name: _origin(track, bounds[track.name], originals[track.name])
-        for track in stream.tracks
-    }
+    bounds, origins = kept_bounds(config, originals, tracks), {}
+    for track in stream.tracks:
+        bound = bounds[track.name]
+        origin = "for size or precision" if track.is_exact and bound != EXACT else bound.origin
+        if error_bound_of(originals[track.name]):
+            origin = Message(*parts_of(origin), ", plus the source's")
+        origins[track.name] = origin
     return Encoded(data, stream, achieved, uv, sequence.n_meshes, origins)
-
-
-def _origin(track: TrackInfo, bound: TrackBound, original: TrackSource) -> str:
-    """Return what set the bound of a track."""
-    origin = "for size or precision" if track.is_exact and bound != EXACT else bound.origin
-    return Message(*parts_of(origin), ", plus the source's") if error_bound_of(original) else origin

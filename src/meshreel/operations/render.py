@@ -2,7 +2,7 @@
 
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.formats.options import Reading
@@ -11,12 +11,9 @@ from meshreel.model.notes import Notes
 from meshreel.operations.inputs import check_inputs, chosen_frames, opened
 from meshreel.rendering.cuts import parse_cut
 from meshreel.rendering.looks import Look
-from meshreel.rendering.views import View, guess_up, parse_view
+from meshreel.rendering.views import guess_up, parse_view
 from meshreel.runtime.extras import RENDER, VIDEO, VIDEO_PILLOW
 from meshreel.runtime.outputs.checks import check_extension, check_output_path
-
-if TYPE_CHECKING:
-    from meshreel.rendering.scenes import Scene
 
 EXTENSIONS = (".png", ".mp4", ".gif")
 SHEET_FRAMES, COMPARED_FRAMES = 8, 3
@@ -59,6 +56,7 @@ def render(
     check_output_path(output, overwrite=overwrite, inputs=files)
     check_supported(sources, reading)
     from meshreel.model.frame_choice import spread_frames
+    from meshreel.rendering.films import FILM_PX, GIF_PX, film, save_film
     from meshreel.rendering.scenes import Scene  # imports Pillow, whose extra is checked above
     from meshreel.rendering.shots import representative_frames
     from meshreel.rendering.stills import save_png, still
@@ -80,7 +78,18 @@ def render(
                     "each of the frame that is due"
                 )
                 reading.notes.changed("frame times", text)
-            figures = _write_film(scene, numbers, view, output, look, reading, overwrite=overwrite)
+            drawn = film(
+                scene, numbers, view,
+                size=size,
+                max_size=GIF_PX if output.suffix.lower() == ".gif" else FILM_PX,
+                is_followed=look.follow, progress=reading.progress,
+            )  # fmt: skip
+            save_film(drawn, output, overwrite=overwrite, progress=reading.progress)
+            figures = {
+                "size_px": list(drawn.size),
+                "n_pictures": drawn.n_pictures,
+                "fps": drawn.fps,
+            }
         else:
             if not isinstance(frames, tuple):
                 choose, n = spread_frames, SHEET_FRAMES
@@ -94,32 +103,6 @@ def render(
             save_png(picture, output, overwrite=overwrite)
             figures = {"size_px": list(picture.size), "frames": numbers}
     return {"output": str(output), **figures, "size_bytes": output.stat().st_size}
-
-
-def _write_film(
-    scene: "Scene",
-    numbers: list[int],
-    view: View,
-    output: Path,
-    look: Look,
-    reading: Reading,
-    *,
-    overwrite: bool,
-) -> dict[str, Any]:
-    from meshreel.rendering.films import FILM_PX, GIF_PX, film, save_film
-
-    pictures = film(
-        scene, numbers, view,
-        size=look.size_px,
-        max_size=GIF_PX if output.suffix.lower() == ".gif" else FILM_PX,
-        is_followed=look.follow, progress=reading.progress,
-    )  # fmt: skip
-    save_film(pictures, output, overwrite=overwrite, progress=reading.progress)
-    return {
-        "size_px": list(pictures.size),
-        "n_pictures": pictures.n_pictures,
-        "fps": pictures.fps,
-    }
 
 
 def _color(text: str) -> tuple[int, int, int]:

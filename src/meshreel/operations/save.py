@@ -92,7 +92,12 @@ def save(
         )
     is_stream = isinstance(sequence, bytes | bytearray | memoryview) and options == DEFAULT_OPTIONS
     if is_stream and Path(output).suffix.lower() == ".reel":
-        return _save_stream(bytes(sequence), output, overwrite=overwrite)  # type: ignore[arg-type]
+        data = bytes(sequence)  # type: ignore[arg-type]
+        whole_file(data)  # raises unless the stream is complete
+        paths = check_output(output, overwrite=overwrite)
+        with replace_all_when_done(paths, overwrite=overwrite) as [hidden_path]:
+            hidden_path.write_bytes(data)
+        return paths
     source = sequence if isinstance(sequence, ReelFile) else sequence_of(sequence)
     new_notes = None if notes is None else Notes()
     paths = save_part(
@@ -102,15 +107,6 @@ def save(
     )  # fmt: skip
     if notes is not None:
         notes.extend(new_notes or ())
-    return paths
-
-
-def _save_stream(data: bytes, output: AnyPath, *, overwrite: bool) -> list[Path]:
-    """Write a complete stream to a file."""
-    whole_file(data)
-    paths = check_output(output, overwrite=overwrite)
-    with replace_all_when_done(paths, overwrite=overwrite) as [hidden_path]:
-        hidden_path.write_bytes(data)
     return paths
 
 

@@ -70,7 +70,11 @@ def open_textures(source: Source) -> TextureFrames:
         if len(paths) > 1:
             raise InvalidInputError(f"{source} contains {len(paths)} videos; choose one")
         with closing(_decode_video(paths[0])) as pictures:
-            return TextureFrames(paths, _n_pictures(paths[0]), next(pictures).size)
+            try:
+                n_frames, _ = VIDEO.load().count_frames_and_secs(str(paths[0]))
+            except (OSError, RuntimeError) as error:
+                raise FormatError(f"{paths[0]} is not a video that ffmpeg reads") from error
+            return TextureFrames(paths, int(n_frames), next(pictures).size)
     return TextureFrames(paths, len(paths), _open_image(paths[0]).size)
 
 
@@ -191,14 +195,6 @@ def _texture_files(source: Source) -> tuple[Path, ...]:
     else:
         files = map(Path, glob.glob(str(source), recursive=True))
     return tuple(natural_order(file for file in files if file.is_file()))
-
-
-def _n_pictures(path: Path) -> int:
-    try:
-        n_frames, _ = VIDEO.load().count_frames_and_secs(str(path))
-    except (OSError, RuntimeError) as error:
-        raise FormatError(f"{path} is not a video that ffmpeg reads") from error
-    return int(n_frames)
 
 
 def _sound(path: Path, duration_s: float, fps: float, notes: Notes) -> tuple[str, ...]:

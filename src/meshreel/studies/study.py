@@ -182,7 +182,12 @@ def claim_folder(folder: Path, program: str, command: str) -> None:
     if folder.exists() and not folder.is_dir():
         raise InvalidInputError(f"{folder} is a file; name a folder")
     marker = folder / f"{program.replace(' ', '-')}.json"
-    if folder.is_dir() and any(folder.iterdir()) and not _is_marker(marker, program):
+    try:
+        earlier = json.loads(marker.read_text(encoding="utf-8"))
+        is_ours = isinstance(earlier, dict) and earlier.get("made_by") == program
+    except (OSError, ValueError):
+        is_ours = False
+    if folder.is_dir() and any(folder.iterdir()) and not is_ours:
         raise InvalidInputError(
             f"the folder {folder} contains files but no {marker.name} of an earlier run; "
             "name an empty or new folder"
@@ -190,14 +195,6 @@ def claim_folder(folder: Path, program: str, command: str) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     facts = {"made_by": program, "version": __version__, "command": command}
     write_text(marker, json.dumps(facts, indent=1))
-
-
-def _is_marker(path: Path, program: str) -> bool:
-    try:
-        facts = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return False
-    return isinstance(facts, dict) and facts.get("made_by") == program
 
 
 def unique_names(sequences: Sequence[MeshSequence]) -> list[str]:
