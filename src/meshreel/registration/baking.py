@@ -10,7 +10,7 @@ from meshreel.arrays import Bytes, Floats, Integers, Singles
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
 from meshreel.model.sequence import Faces, MeshSequence, frames_of, segment_of_frame
-from meshreel.model.surface import Attribute, Domain, Kind, Surface
+from meshreel.model.surface import Attribute, Domain, Kind
 from meshreel.model.tracks import TrackKind
 from meshreel.registration.register import Registration
 from meshreel.registration.transfer import RawFrame, attributes_of, interpolated, items_at_corners
@@ -115,26 +115,21 @@ def check_textured(raw: MeshSequence) -> None:
             raise InvalidInputError(
                 f"frame {first} has no texture coordinates, so its texture cannot be baked"
             )
-        if (n_images := _n_color_images(segment.surface)) > 1:
+        surface = segment.surface
+        names = {
+            group.labels[number]
+            for group in surface.groups
+            if group.name == "material"
+            for number in np.unique(group.numbers[group.numbers >= 0]).tolist()
+        }
+        textures = [each.base_color_texture for each in surface.materials if each.name in names]
+        n_images = len({texture.image for texture in textures if texture is not None})
+        if n_images > 1:
             raise InvalidInputError(
                 f"the materials of frame {first} have {n_images} color images, but only one image "
                 f"per frame can be baked; {COMBINE}"
             )
         first += segment.n_frames
-
-
-def _n_color_images(surface: Surface) -> int:
-    """Return the number of images that color the faces."""
-    names = {
-        group.labels[number]
-        for group in surface.groups
-        if group.name == "material"
-        for number in np.unique(group.numbers[group.numbers >= 0]).tolist()
-    }
-    textures = [
-        material.base_color_texture for material in surface.materials if material.name in names
-    ]
-    return len({texture.image for texture in textures if texture is not None})
 
 
 def with_atlases(registration: Registration, size: Size) -> tuple[Registration, int]:
@@ -159,8 +154,11 @@ def with_atlases(registration: Registration, size: Size) -> tuple[Registration, 
         local = registered.key - registered.first
         key = registration.frames.normalized(segment.read(local, local + 1)[0])
         new_uv = generate_uv(key.astype(np.float32), segment.faces, size)
+        others = [each for each in segment.surface.attributes if each.kind is not Kind.UV]
+        uv = Attribute("uv", Kind.UV, Domain.CORNER, new_uv[:0]).indexed(new_uv)
+        surface = replace(segment.surface.without_materials(), attributes=(uv, *others))
         loaded = frames_of(segment, range(segment.n_frames))
-        segments[number] = loaded.replace(surface=_with_uv(segment.surface, new_uv))
+        segments[number] = loaded.replace(surface=surface)
         n_generated += 1
     with_uvs = MeshSequence.of_segments(
         segments, registration.sequence.name, registration.sequence.timing
@@ -276,9 +274,3 @@ def generate_uv(vertices: Singles, faces: Faces, size: Size) -> Singles:
     atlas.generate(pack_options=options)
     _, corners, uv = atlas[0]
     return np.asarray(uv[corners.ravel()], np.float32)
-
-
-def _with_uv(surface: Surface, uv: Singles) -> Surface:
-    attributes = [attribute for attribute in surface.attributes if attribute.kind is not Kind.UV]
-    uv_attribute = Attribute("uv", Kind.UV, Domain.CORNER, uv[:0]).indexed(uv)
-    return replace(surface.without_materials(), attributes=(uv_attribute, *attributes))

@@ -18,7 +18,7 @@ from meshreel.codec.targets import QUALITIES
 from meshreel.errors import InvalidInputError, Keyword, Message
 from meshreel.model.frame_choice import frames_text
 from meshreel.model.notes import Note, NoteKind, Notes
-from meshreel.model.sequence import FrameSource, MeshSequence
+from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import Track
 from meshreel.registration.capture import Capture, Frames, Surveyed
@@ -314,7 +314,10 @@ def register_files(
         same = f"all {sequence.n_frames} frames have the same faces"
         reason = same if sequence.n_frames > 1 else "there is only one frame"
         raise InvalidInputError(f"{reason}; nothing can be registered; use meshreel encode")
-    if keep_holes and any(SCANNED in _names(frame) for frame in sequence.segments):
+    if keep_holes and any(
+        SCANNED in {*frame.tracks, *(each.name for each in frame.surface.attributes)}
+        for frame in sequence.segments
+    ):
         raise InvalidInputError(
             f"the frames have values called {SCANNED!r}, which is the name of the track of ",
             Keyword("keep_holes"),
@@ -334,9 +337,12 @@ def register_files(
         options.keep_debris,
     )
     frames = Frames(capture, sequence)
+
+    def open_loaded(numbers: range) -> Open:
+        return partial(_opened, MeshSequence.of_segments(map(frames.raw, numbers)))
+
     with executor_of(options.workers, options.scheduler, progress) as (executor, n_workers):
-        open_part = open_part or partial(_loaded, frames)
-        runs = Runs(frames, open_part, executor, n_workers, progress)
+        runs = Runs(frames, open_part or open_loaded, executor, n_workers, progress)
         surveyed = runs.survey()
         topologies = [frame.topology for frame in surveyed]
         if not any(topologies):
@@ -372,16 +378,8 @@ def register_files(
     )
 
 
-def _loaded(frames: Frames, numbers: range) -> Open:
-    return partial(_opened, MeshSequence.of_segments(map(frames.raw, numbers)))
-
-
 def _opened(sequence: MeshSequence) -> AbstractContextManager[MeshSequence]:
     return nullcontext(sequence)
-
-
-def _names(segment: FrameSource) -> set[str]:
-    return {*segment.tracks, *(attribute.name for attribute in segment.surface.attributes)}
 
 
 def _sequences(

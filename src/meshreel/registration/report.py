@@ -141,11 +141,10 @@ def point_psnr(
     numbers = _chosen_numbers(registration, POINT_FRAME_INTERVAL, MIN_POINT_FRAMES)
     raw = registration.raw
     low, high = (np.asarray(corner, np.float64) for corner in (raw.extent.low, raw.extent.high))
-    psnr_of: dict[int, tuple[float, float]] = {}
 
-    def measure(pair: tuple[int, MeshFrame, MeshFrame]) -> None:
-        number, frame, frame_hat = pair
-        psnr_of[number] = point_psnr_db(
+    def measure(pair: tuple[MeshFrame, MeshFrame]) -> tuple[float, float]:
+        frame, frame_hat = pair
+        return point_psnr_db(
             (frame.vertices, frame.faces), (frame_hat.vertices, frame_hat.faces), low, high
         )
 
@@ -153,8 +152,7 @@ def point_psnr(
         progress("measuring D1 and D2", Count(n_done, len(numbers), "frames"))
 
     report(0)
-    in_threads(measure, [(n, raw[n], sequence[n]) for n in numbers], report)
-    pairs = np.array([psnr_of[number] for number in numbers])
+    pairs = np.array(in_threads(measure, [(raw[n], sequence[n]) for n in numbers], report))
     d1, d2 = (_mean_of_finite(column) for column in pairs.T)
     return PointPsnr(d1, d2, numbers)
 

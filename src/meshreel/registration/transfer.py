@@ -114,17 +114,24 @@ def transferred_tracks(frames: Iterable[RawFrame], positions: Iterable[Floats]) 
     for frame, points in zip(frames, positions, strict=True):
         candidates = transferable(frame.frame)
         if transferred:
+            # Values have the number type and the columns of those of the frame before.
             candidates = {
-                name: candidates[name]
-                for name, track in transferred[-1].items()
-                if _fits(track, candidates.get(name))
+                name: track
+                for name, before in transferred[-1].items()
+                if (track := candidates.get(name)) is not None
+                and (track.dtype, track.shape[2]) == (before.dtype, before.shape[2])
             }
         if not candidates:
             return {}
         closest = frame.closest(points)
-        transferred.append(
-            {name: _at_points(frame.frame, track, closest) for name, track in candidates.items()}
-        )
+        tracks: dict[str, Track] = {}
+        for name, track in candidates.items():
+            items = items_at_corners(frame.frame, track.domain)
+            values = interpolated(track[0], items, closest)
+            if KIND_ROWS[track.kind].is_direction:
+                values = unit(values)
+            tracks[name] = Track(values[None], Domain.VERTEX, track.kind, track.unit)
+        transferred.append(tracks)
     return concatenate_tracks(
         [{name: tracks[name] for name in transferred[-1]} for tracks in transferred]
     )
@@ -154,15 +161,3 @@ def _kind(attribute: Attribute) -> TrackKind:
     width = attribute.values.shape[1]
     is_color = attribute.kind is Kind.COLOR and width in KIND_ROWS[TrackKind.COLOR].columns
     return TrackKind.COLOR if is_color else default_kind(width)
-
-
-def _fits(before: Track, track: Track | None) -> bool:
-    """Whether the values of the next frame have the number type and columns of those before."""
-    return track is not None and (track.dtype, track.shape[2]) == (before.dtype, before.shape[2])
-
-
-def _at_points(frame: MeshSequence, track: Track, points: SurfacePoints) -> Track:
-    values = interpolated(track[0], items_at_corners(frame, track.domain), points)
-    if KIND_ROWS[track.kind].is_direction:
-        values = unit(values)
-    return Track(values[None], Domain.VERTEX, track.kind, track.unit)
