@@ -119,10 +119,16 @@ def read_anchor_vertices(payload: bytes, n_verts: int) -> Integers:
 def write_curves(curves: Quantized) -> bytes:
     """Payload of rows over time, each with its best order of differences."""
     n_rows, n_frames = curves.integers.shape[1:]
-    differences = [_best_difference(row) for row in curves.integers.reshape(-1, n_frames)]
-    orders = np.array([order for order, _ in differences], np.int64)
-    rows = [orders, *(row for _, row in differences)]
-    return _write_steps(curves.steps) + encode_integers(rows, [0, *_shared_tables(n_rows, 1)])
+    orders, rows = [], []
+    for row in curves.integers.reshape(-1, n_frames):
+        candidates = [row]
+        for _ in range(MAX_DIFFERENCE):
+            candidates.append(np.diff(candidates[-1], prepend=0))
+        bits = [int(np.sum(np.frexp(np.abs(each).astype(float))[1])) for each in candidates]
+        orders.append(int(np.argmin(bits)))
+        rows.append(candidates[orders[-1]])
+    coded = encode_integers([np.array(orders, np.int64), *rows], [0, *_shared_tables(n_rows, 1)])
+    return _write_steps(curves.steps) + coded
 
 
 def read_curves(payload: bytes, n_rows: int, n_frames: int) -> Quantized:
@@ -130,10 +136,15 @@ def read_curves(payload: bytes, n_rows: int, n_frames: int) -> Quantized:
     steps, coded = _read_steps(payload, n_rows)
     lengths = [3 * n_rows, *[n_frames] * (3 * n_rows)]
     orders, *rows = decode_integers(coded, lengths, [0, *_shared_tables(n_rows, 1)])
-    _check_orders(orders)
+    if np.any((orders < 0) | (orders > MAX_DIFFERENCE)):
+        raise CorruptStreamError(
+            f"a row over time has an order of differences outside 0..{MAX_DIFFERENCE}"
+        )
     curves = np.empty((3 * n_rows, n_frames), np.int64)
     for curve, order, row in zip(curves, orders, rows, strict=True):
-        curve[:] = _integrate(row, int(order))
+        curve[:] = row
+        for _ in range(int(order)):
+            curve[:] = np.cumsum(curve)
     return Quantized(curves.reshape(3, n_rows, n_frames), steps)
 
 
@@ -149,29 +160,6 @@ def read_rows(payload: bytes, n_rows: int, length: int) -> Quantized:
     steps, coded = _read_steps(payload, n_rows)
     rows = decode_integers(coded, [length] * (3 * n_rows), _shared_tables(n_rows, 0))
     return Quantized(np.stack(rows).reshape(3, n_rows, length), steps)
-
-
-def _check_orders(orders: Integers) -> None:
-    if np.any((orders < 0) | (orders > MAX_DIFFERENCE)):
-        raise CorruptStreamError(
-            f"a row over time has an order of differences outside 0..{MAX_DIFFERENCE}"
-        )
-
-
-def _best_difference(row: Integers) -> tuple[int, Integers]:
-    """The order of temporal differences with the fewest bits, and the differenced row."""
-    candidates = [row]
-    for _ in range(MAX_DIFFERENCE):
-        candidates.append(np.diff(candidates[-1], prepend=0))
-    bits = [int(np.sum(np.frexp(np.abs(row).astype(float))[1])) for row in candidates]
-    order = int(np.argmin(bits))
-    return order, candidates[order]
-
-
-def _integrate(row: Integers, order: int) -> Integers:
-    for _ in range(order):
-        row = np.cumsum(row)
-    return row
 
 
 def _shared_tables(n_modes: int, first: int) -> list[int]:
@@ -313,22 +301,19 @@ def read_coded_block(
     n_modes, on_graph = stored.n_modes, method.basis is Basis.GRAPH
     row_length = stored.n_frames if on_graph else mesh.n_verts
     coefficients = read_rows(stored.payload(Section.COEFFICIENTS), n_modes, row_length)
-    anchors = _read_anchors(stored, len(mesh.anchors), method) if method.has_anchors else None
-    return CodedBlock(basis, anchors, coefficients)
-
-
-def _read_anchors(stored: StoredBlock, n_anchors: int, method: Variant) -> Anchors:
-    coefficients = residuals = None
-    has_residuals = method.basis is Basis.GRAPH
-    if not has_residuals:
+    if not method.has_anchors:
+        return CodedBlock(basis, None, coefficients)
+    n_anchors, has_residuals = len(mesh.anchors), on_graph
+    of_anchors = residuals = None
+    if not on_graph:
         payload = stored.payload(Section.ANCHORS)
         if payload[:1] not in (b"\0", b"\1"):
             raise CorruptStreamError("the flag for residuals of anchors is neither 0 nor 1")
-        coefficients = read_rows(payload[1:], stored.n_modes, n_anchors)
+        of_anchors = read_rows(payload[1:], n_modes, n_anchors)
         has_residuals = payload[0] == 1
     if has_residuals:
         if method.decoding is not Decoding.ANCHORED:
             raise CorruptStreamError(f"a block of {method.name} has residuals of anchors")
         payload = stored.payload(Section.ANCHOR_RESIDUALS)
         residuals = read_curves(payload, n_anchors, stored.n_frames)
-    return Anchors(coefficients, residuals)
+    return CodedBlock(basis, Anchors(of_anchors, residuals), coefficients)

@@ -110,7 +110,14 @@ def choices_of(option: str | Mapping[str, Any] | None) -> PaperChoices:
         raise InvalidInputError(
             f"choices must be a mapping, or text such as 'anchor-bits=16'; got {option!r}"
         )
-    values = _parse(option) if isinstance(option, str) else dict(option)
+    values: dict[str, Any] = {} if isinstance(option, str) else dict(option)
+    for part in option.split(",") if isinstance(option, str) else ():
+        name, equals, value = (token.strip() for token in part.partition("="))
+        if not (name and equals and value):
+            raise InvalidInputError(
+                f"choices are NAME=VALUE, separated by commas, as in anchor-bits=16; got {part!r}"
+            )
+        values[name.replace("-", "_")] = int(value) if value.isdecimal() else value
     known = [field.name for field in fields(PaperChoices)]
     for name in values:
         if name not in known:
@@ -118,15 +125,3 @@ def choices_of(option: str | Mapping[str, Any] | None) -> PaperChoices:
             advice = f"did you mean {near[0]!r}?" if near else f"choose from {', '.join(known)}"
             raise InvalidInputError(f"choice {name!r} is unknown; {advice}")
     return PaperChoices(**values)
-
-
-def _parse(text: str) -> dict[str, Any]:
-    values: dict[str, Any] = {}
-    for part in text.split(","):
-        name, equals, value = (token.strip() for token in part.partition("="))
-        if not (name and equals and value):
-            raise InvalidInputError(
-                f"choices are NAME=VALUE, separated by commas, as in anchor-bits=16; got {part!r}"
-            )
-        values[name.replace("-", "_")] = int(value) if value.isdecimal() else value
-    return values

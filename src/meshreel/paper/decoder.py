@@ -21,11 +21,10 @@ from meshreel.paper.blocks import (
     stored_block,
 )
 from meshreel.paper.coded_values import CodedBlock, Quantized
-from meshreel.paper.decoded_block import DecodedBlock
 from meshreel.paper.exact_values import decode_exact
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.reconstruction_system import factor_bytes
-from meshreel.paper.synthesis import synthesise
+from meshreel.paper.synthesis import DecodedBlock, synthesise
 from meshreel.paper.variants import METHODS, Variant, variant_named
 from meshreel.runtime.threads import fork_safe_lock
 

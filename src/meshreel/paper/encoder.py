@@ -82,7 +82,10 @@ class PaperBlockCoder:
         self._config = config
         if replacements.basis is None:
             _check_modes(mesh, self._variant, len(first))
-            self._config = _with_modes_for_all(config, frame, chain([first], blocks))
+            if self._variant.basis is Basis.TRACKED and config.n_modes is None:
+                # A tracked basis has the same number of modes in all blocks.
+                n_modes = max(modes_needed(each, frame, config) for each in chain([first], blocks))
+                self._config = replace(config, n_modes=n_modes, energy=None)
         self._shape: Quantized | None = None
         if config.laplacian_choice is Laplacian.COTANGENT:
             coordinates = to_matrices(first[:1], frame)
@@ -162,9 +165,16 @@ def _mesh_model(
     own_laplacian: csr_array | None = None,
 ) -> MeshModel:
     """The model of a mesh; coders of the same mesh share it."""
-    anchors = np.zeros(0, np.int64)
+    anchors: npt.NDArray[np.int64] = np.zeros(0, np.int64)
     if variant_named(config.method).has_anchors:
-        anchors = _anchors(mesh, config)
+        chosen, options = anchors_of(config), choices(config)
+        if isinstance(chosen, Sequence):
+            vertices = check_anchors(chosen, mesh.given_faces, mesh.n_verts)
+            anchors = np.sort(inverse_permutation(mesh.order)[vertices])
+        else:
+            is_random = options.anchor_set == "random"
+            rng = np.random.default_rng(options.anchor_seed) if is_random else None
+            anchors = choose_anchors(mesh.faces, mesh.n_verts, chosen, rng)
     positions = None if shape is None else shape.values[:, 0].T
     basis_memory = None
     if config.n_modes is not None:
@@ -183,23 +193,3 @@ def _mesh_model(
         )
     model: MeshModel = mesh.derived[key]
     return model
-
-
-def _anchors(mesh: CodedMesh, config: PaperOptions) -> npt.NDArray[np.int64]:
-    """The anchors in internal order."""
-    anchors, options = anchors_of(config), choices(config)
-    if isinstance(anchors, Sequence):
-        vertices = check_anchors(anchors, mesh.given_faces, mesh.n_verts)
-        return np.sort(inverse_permutation(mesh.order)[vertices])
-    rng = np.random.default_rng(options.anchor_seed) if options.anchor_set == "random" else None
-    return choose_anchors(mesh.faces, mesh.n_verts, anchors, rng)
-
-
-def _with_modes_for_all(
-    config: PaperOptions, frame: BoundingFrame, blocks: Iterable[Vertices]
-) -> PaperOptions:
-    """The configuration with the number of modes of a tracked basis, which all blocks share."""
-    if variant_named(config.method).basis is not Basis.TRACKED or config.n_modes is not None:
-        return config
-    n_modes = max(modes_needed(vertices, frame, config) for vertices in blocks)
-    return replace(config, n_modes=n_modes, energy=None)

@@ -63,7 +63,7 @@ def steps_for_each_row(values: Floats, bits: int | Sequence[int]) -> Steps:
     InvalidInputError
         If there are fewer numbers than rows.
     """
-    magnitudes = _row_magnitudes(values)
+    magnitudes = np.abs(values).max(axis=(0, 2), initial=0.0)
     row_bits = list(bits) if isinstance(bits, Sequence) else [bits] * len(magnitudes)
     if len(row_bits) < len(magnitudes):
         raise InvalidInputError(
@@ -92,11 +92,6 @@ def quantize(values: Floats, steps: Steps) -> Integers:
 def dequantize(integers: Integers, steps: Steps) -> Floats:
     """Values of the integers, within half a step of the originals."""
     return np.asarray(integers * _broadcast(steps))
-
-
-def _row_magnitudes(values: Floats) -> Floats:
-    """Largest magnitude of each row over all axes, for values of shape (3, rows, columns)."""
-    return np.asarray(np.abs(values).max(axis=(0, 2), initial=0.0))
 
 
 def _broadcast(steps: Steps) -> Floats:

@@ -12,7 +12,7 @@ from meshreel.codec.paper_options import (
 )
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.paper.choices import PaperChoices, choices_of
-from meshreel.paper.variants import Basis, Decoding, Signal, Variant, variant_named
+from meshreel.paper.variants import Basis, Decoding, Signal, variant_named
 
 EXTRA_ANCHOR_BITS = 4
 """Bits of an anchor position beyond those of a coefficient of the deltas (docs/codec.md)."""
@@ -76,7 +76,18 @@ def check(config: PaperOptions) -> None:
             "give ",
             Keyword("n_modes"),
         )
-    _check_bits(config, variant)
+    if isinstance(config.bits, Sequence):
+        if variant.basis is Basis.GRAPH or not config.bits:
+            raise InvalidInputError(
+                f"method {variant.name} takes one number of bits"
+                if config.bits
+                else "bits is an empty list; give a number, or one for each row"
+            )
+        for row, number in enumerate(config.bits):
+            if number != 0:
+                BITS_RANGE.check(number, f"bits of row {row}", "or 0")
+    elif variant.basis is Basis.GRAPH and allocation_of(config) is Allocation.CONSTANT:
+        raise InvalidInputError(f"method {variant.name} has one step; keep allocation=energy")
     paper_choices = choices(config)
     reasons = ineffective_choices(config, paper_choices)
     for name in paper_choices.changed:
@@ -116,18 +127,3 @@ def ineffective_choices(config: PaperOptions, paper_choices: PaperChoices) -> di
     if paper_choices.anchor_set != "random" or isinstance(config.anchors, Sequence):
         reasons["anchor_seed"] = "it is the seed of anchor_set=random"
     return reasons
-
-
-def _check_bits(config: PaperOptions, variant: Variant) -> None:
-    if isinstance(config.bits, Sequence):
-        if variant.basis is Basis.GRAPH or not config.bits:
-            raise InvalidInputError(
-                f"method {variant.name} takes one number of bits"
-                if config.bits
-                else "bits is an empty list; give a number, or one for each row"
-            )
-        for row, number in enumerate(config.bits):
-            if number != 0:
-                BITS_RANGE.check(number, f"bits of row {row}", "or 0")
-    elif variant.basis is Basis.GRAPH and allocation_of(config) is Allocation.CONSTANT:
-        raise InvalidInputError(f"method {variant.name} has one step; keep allocation=energy")

@@ -18,11 +18,10 @@ from meshreel.errors import CorruptStreamError, InvalidInputError, Keyword
 from meshreel.model.sequence import Faces
 from meshreel.paper.blocks import is_difference, stored_block
 from meshreel.paper.coded_values import Anchors, BlockValues, CodedBlock, Quantized
-from meshreel.paper.decoded_block import DecodedBlock
 from meshreel.paper.decoder import open_paper_stream
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.quantization import Steps
-from meshreel.paper.synthesis import synthesise
+from meshreel.paper.synthesis import DecodedBlock, synthesise
 from meshreel.paper.variants import Basis, variant_named
 from meshreel.runtime.counting import counted, counts_text
 

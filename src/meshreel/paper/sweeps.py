@@ -1,7 +1,7 @@
 """Settings of the streams in the paper's evaluation: variants, alternatives and rate sweeps."""
 
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import Any
@@ -151,7 +151,12 @@ class TableSettings:
             block_frames=TRACKED_BLOCK_FRAMES if method == "blocks" else None,
             allocation=Allocation.ENERGY.value if method == "gft" else self.allocation,
         )
-        return replace(setting, shared=_effective(self.choices, method))
+        options = choices_of(self.choices or None)
+        unused = ineffective_choices(PaperOptions(method), options)
+        shared = (
+            f"{name}={value}" for name, value in options.changed.items() if name not in unused
+        )
+        return replace(setting, shared=",".join(shared))
 
 
 AS_PRINTED = TableSettings(
@@ -227,7 +232,7 @@ def row_settings(n_frames: int, methods: Sequence[str] = METHOD_NAMES) -> list[S
     if "pca-qp" not in methods:
         return []
     settings = [Setting("pca-qp", modes, anchors=ANCHORS) for modes in ROW_COUNTS]
-    return _distinct(limit_modes(setting, n_frames) for setting in settings)
+    return list(dict.fromkeys(limit_modes(setting, n_frames) for setting in settings))
 
 
 def option_sweeps(*, quick: bool) -> dict[str, Callable[[int, int], list[dict[str, Any]]]]:
@@ -271,15 +276,6 @@ def check_table(table: TableSettings, methods: Sequence[str]) -> None:
         )
 
 
-def _effective(choices: str, method: str) -> str:
-    """The choices that have an effect on a method."""
-    options = choices_of(choices or None)
-    unused = ineffective_choices(PaperOptions(method), options)
-    return ",".join(
-        f"{name}={value}" for name, value in options.changed.items() if name not in unused
-    )
-
-
 def limit_modes(setting: Setting, n_frames: int) -> Setting:
     """Limit the modes of a setting to the number of frames in a block."""
     frames = setting.block_frames and equal_blocks(n_frames)
@@ -287,7 +283,3 @@ def limit_modes(setting: Setting, n_frames: int) -> Setting:
     if modes is not None and setting.method != "gft":
         modes = min(modes, frames or n_frames)
     return replace(setting, n_modes=modes, block_frames=frames)
-
-
-def _distinct(settings: Iterable[Setting]) -> list[Setting]:
-    return list(dict.fromkeys(settings))

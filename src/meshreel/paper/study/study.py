@@ -124,24 +124,20 @@ def sequence_parts(results: PaperResults, pictures: Sequence[Picture]) -> list[P
     if others:
         texts = (f"{finding.claim.text}: {finding.evidence.text}" for finding in others)
         parts += [f"### Not judged: {len(others)} of {len(CLAIMS)}", bullets(tuple(texts))]
-    parts += ["### Rates and errors", rate_table(results), _rate_note(results)]
-    parts += [quality_table(results), *refusals(results)]
-    if results.alternatives:
-        parts += [alternatives_table(results), ALTERNATIVES_NOTE]
-    parts += ["### Seconds", seconds_table(results), _seconds_note(results)]
-    return [*parts, "### Figures", *pictures]
-
-
-def _rate_note(results: PaperResults) -> str:
-    text = (
+    note = (
         "q, q_a, q_d and q_s are Eq. 13: entries of one coordinate matrix of three times their "
         "bits, without connectivity. 'As stored' is a third of the bytes that these parts take in "
         "the stream. The last two columns refer to the whole file."
     )
     if printed_rates(results.name):
-        text += " Columns named 'paper' contain its printed values; it has no row for `gft`. "
-        text += misprints(results.name)
-    return text
+        note += " Columns named 'paper' contain its printed values; it has no row for `gft`. "
+        note += misprints(results.name)
+    parts += ["### Rates and errors", rate_table(results), note]
+    parts += [quality_table(results), *refusals(results)]
+    if results.alternatives:
+        parts += [alternatives_table(results), ALTERNATIVES_NOTE]
+    parts += ["### Seconds", seconds_table(results), _seconds_note(results)]
+    return [*parts, "### Figures", *pictures]
 
 
 def _seconds_note(results: PaperResults) -> str:

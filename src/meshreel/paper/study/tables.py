@@ -266,31 +266,23 @@ def seconds_table(results: PaperResults) -> Table:
             if is_graph and results.decompositions is not None:
                 costs, n_more = results.decompositions, results.sequence["n_frames"] - 1
                 cost = costs["processor_seconds_each"]
-                cells = (f"{once + n_more * cost:.0f}" for once in seconds)
+                cells = [f"{once + n_more * cost:.0f}" for once in seconds]
                 rows.append([f"{label}, decomposed for each frame *", *cells])
-        if is_graph:
-            rows += _all_frequencies(results, printed.get("gft"))
+        # This row compares with the paper; it has no values if they were not measured. Both phases
+        # compute as many decompositions.
+        full, paper_values = results.full_basis, printed.get("gft")
+        if is_graph and (full is not None or paper_values is not None):
+            cells = [NONE] * 2
+            if full is not None:
+                shape = results.sequence["n_verts"], results.sequence["n_frames"]
+                cells = 2 * [f"{extrapolated_basis(full, *shape).processor_seconds:.0f}"]
+            name = "gft, all frequencies, decomposed for each frame *"
+            rows.append([name, *cells, *_printed_seconds(paper_values)])
     padded = ((*row, *[NONE] * len(header))[: len(header)] for row in rows)
     return Table(f"Table II, {results.name}", tuple(header), tuple(padded))
 
 
 PHASES = ("encode_processor", "decode_processor")
-
-
-def _all_frequencies(results: PaperResults, printed: PrintedSeconds | None) -> list[list[str]]:
-    """The row that compares with the paper, without values if they were not measured.
-
-    Both phases compute as many decompositions.
-    """
-    cells = [NONE] * 2
-    if results.full_basis is not None:
-        shape = results.sequence["n_verts"], results.sequence["n_frames"]
-        basis = extrapolated_basis(results.full_basis, *shape)
-        cells = 2 * [f"{basis.processor_seconds:.0f}"]
-    elif printed is None:
-        return []
-    name = "gft, all frequencies, decomposed for each frame *"
-    return [[name, *cells, *_printed_seconds(printed)]]
 
 
 def _printed_seconds(printed: PrintedSeconds | None) -> list[str]:

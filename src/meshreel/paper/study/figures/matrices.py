@@ -68,24 +68,19 @@ def draw_projected_deltas(sequence: MeshSequence, slug: str, folder: Path) -> Pi
         figure.colorbar(image, ax=row, label="magnitude (diagonals)", extend=extend, pad=0.02)
     path = folder / f"{slug}-fig2-projected-deltas.png"
     save_figure(figure, path, overwrite=True, dpi=DPI)
-    return Picture(path, "Fig. 2", _deltas_caption(magnitudes, len(views) > 1), panels.size)
-
-
-def _deltas_caption(magnitudes: Floats, has_detail: bool) -> str:
     n_rows, n_columns = magnitudes.shape
-    detail = ", and its upper left corner, which the rectangle marks" if has_detail else ""
-    text = (
-        f"Magnitudes of the projected delta matrix of x ({n_rows} x {n_columns}){detail}, on a "
-        f"linear scale and on a log scale of {DECADES} decades. "
-    )
+    detail = ", and its upper left corner, which the rectangle marks" if len(views) > 1 else ""
     small, tiny = (near_zero_percent(magnitudes, limit) for limit in NEAR_ZERO)
     energy = (magnitudes**2).sum(axis=1)
     share = 100 * energy[:20].sum() / (energy.sum() or 1.0)
-    return (
-        f"{text}{small:.1f} % of the entries are at most {100 * NEAR_ZERO[0]:g} % of the largest, "
+    caption = (
+        f"Magnitudes of the projected delta matrix of x ({n_rows} x {n_columns}){detail}, on a "
+        f"linear scale and on a log scale of {DECADES} decades. "
+        f"{small:.1f} % of the entries are at most {100 * NEAR_ZERO[0]:g} % of the largest, "
         f"{tiny:.1f} % at most {100 * NEAR_ZERO[1]:g} %. "
         f"Energy in the first {counted(min(20, n_rows), 'row')}: {share:.3f} %."
     )
+    return Picture(path, "Fig. 2", caption, panels.size)
 
 
 def draw_dictionaries(

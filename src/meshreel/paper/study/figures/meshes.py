@@ -58,7 +58,11 @@ def draw_row_counts(
     """Fig. 3: one frame with growing numbers of rows, and the original."""
     frame = uncommon_frame(sequence)
     original = sequence.vertices[frame]
-    shown = [(_row_title(item), _decoded_frame(item, store, frame)) for item in usable(results)]
+    shown = []
+    for result in usable(results):
+        modes, error = setting_of_result(result).n_modes, result["quality"]["kg_error_percent"]
+        title = f"k_l = {modes}\nKG {error:.3g} %"
+        shown.append((title, _decoded_frame(result, store, frame)))
     shown.append((f"original\nframe {frame}", original))
     camera = _camera(original)
     columns = [(title, [render(vertices, sequence.faces, camera)]) for title, vertices in shown]
@@ -80,11 +84,20 @@ def draw_variants(
     original, faces, shown = sequence.vertices[frame], sequence.faces, usable(results)
     decoded = [_decoded_frame(result, store, frame) for result in shown]
     angles = [vertex_normal_angle_deg(original, vertices, faces) for vertices in decoded]
-    top_deg = _heat_top_deg(shown, angles)
+    # The top of the color scale distinguishes the better variants.
+    better = [
+        angle
+        for result, angle in zip(shown, angles, strict=True)
+        if method_of_result(result) in HEAT_METHODS
+    ]
+    top_deg = round_up(float(np.percentile(np.concatenate(better or angles), HEAT_PERCENTILE)))
     camera = _camera(original)
     size = camera.width // ENLARGEMENT, camera.height // ENLARGEMENT
     corner = detail_corner(original, faces, np.minimum(angles, top_deg), camera, size)
-    titles = [f"original\nframe {frame}", *map(_variant_title, shown, angles)]
+    titles = [f"original\nframe {frame}"]
+    for result, angle in zip(shown, angles, strict=True):
+        sted = result["quality"]["sted"]
+        titles.append(f"{label_of_result(result)}\nSTED {sted:.4f}\nangle {angle.mean():.2f}°")
     columns: list[tuple[str, list[Image]]] = []
     for number, vertices in enumerate([original, *decoded]):
         shaded = render(vertices, faces, camera)
@@ -118,7 +131,10 @@ def save_sheet(
     n_bands = -(-len(columns) // max(1, SHEET_PX // width))
     n_across = -(-len(columns) // n_bands)
     left = 3 * GAP_PX if row_titles else GAP_PX
-    titles = [_wrap(title, width // LETTER_PX) for title, _ in columns]
+    titles = [
+        "\n".join(textwrap.fill(line, width // LETTER_PX) for line in title.splitlines())
+        for title, _ in columns
+    ]
     title_px = LINE_PX * max(len(title.splitlines()) for title in titles) + GAP_PX
     band_px = title_px + sum(height + GAP_PX for height in heights)
     sheet_width, sheet_height = left + n_across * (width + GAP_PX), n_bands * band_px
@@ -219,20 +235,6 @@ def _outline(image: Image, corner: tuple[int, int], size: tuple[int, int]) -> Im
     return outlined
 
 
-def _wrap(title: str, n_letters: int) -> str:
-    return "\n".join(textwrap.fill(line, n_letters) for line in title.splitlines())
-
-
-def _row_title(result: Result) -> str:
-    modes, error = setting_of_result(result).n_modes, result["quality"]["kg_error_percent"]
-    return f"k_l = {modes}\nKG {error:.3g} %"
-
-
-def _variant_title(result: Result, angle: Floats) -> str:
-    sted = result["quality"]["sted"]
-    return f"{label_of_result(result)}\nSTED {sted:.4f}\nangle {angle.mean():.2f}°"
-
-
 def _camera(vertices: Frame) -> Camera:
     """The camera that fits one frame into a panel of the frame's aspect ratio."""
     points, _ = fit_camera(vertices, width=400, height=400).project(vertices)
@@ -243,17 +245,6 @@ def _camera(vertices: Frame) -> Camera:
         ENLARGEMENT * round(PANEL_PX * factor / ENLARGEMENT) for factor in (aspect, 1 / aspect)
     )
     return fit_camera(vertices, width=int(width), height=int(height), margin=0.06)
-
-
-def _heat_top_deg(results: Sequence[Result], angles: Sequence[Floats]) -> float:
-    """The top of the color scale, chosen to distinguish the better variants."""
-    selected = [
-        angle
-        for result, angle in zip(results, angles, strict=True)
-        if method_of_result(result) in HEAT_METHODS
-    ]
-    values = np.concatenate(selected or list(angles))
-    return round_up(float(np.percentile(values, HEAT_PERCENTILE)))
 
 
 def _decoded_frame(result: Result, store: Store, frame: int) -> Frame:
