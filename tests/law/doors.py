@@ -92,11 +92,11 @@ def judge_access(rng, data):
         opened = reel.segments if reel.starts[2:] else [reel]
         for segment, part in zip(opened, parts_of(decoded), strict=True):
             for name, track in part.tracks.items():
-                values, found = values_of(track), segment.track(name)
+                values, stored = values_of(track), segment.track(name)
                 nodes = rng.sample(range(values.shape[1]), min(3, values.shape[1]))
-                assert_same_bits(found[:, nodes], values[:, nodes], "nodes")
-                assert_same_bits(found[::-1], np.ascontiguousarray(values[::-1]), "reversed")
-                assert found.error_bound == track.error_bound
+                assert_same_bits(stored[:, nodes], values[:, nodes], "nodes")
+                assert_same_bits(stored[::-1], np.ascontiguousarray(values[::-1]), "reversed")
+                assert stored.error_bound == track.error_bound
 
 
 def limits(sequence, rng, folder):

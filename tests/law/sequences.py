@@ -2,6 +2,7 @@
 
 import random
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -179,12 +180,13 @@ def made(choice):
         attributes = attributes_of(choice["attributes"], points, n_items[Domain.CORNER], rng)
         groups = (group,) if choice["attributes"] in ("groups", "all") and len(labels) > 1 else ()
         surface = replace(mesh.surface, attributes=attributes, groups=groups)
-        timing = {
+        timings: dict[str, dict[str, Any]] = {
             "rate": {"fps": 30}, "start": {"fps": 24, "start_s": 1.25}, "none": {},
             "uneven": {"times": (frames + 0.3 * np.sin(frames)) / 7},
             "late": {"times": 1e4 + 0.1 * frames + 0.013 * (frames % 2)},
             "gap": {"times": 0.1 * frames + 3 * number},
-        }[choice["times"]]  # fmt: skip
+        }  # fmt: skip
+        timing = timings[choice["times"]]
         all_times += list(timing.get("times", ()))
         parts.append(mesh.replace(surface=surface, tracks=tracks, **timing))
     times = Timing.of_times(all_times) if all_times else None
