@@ -1,29 +1,36 @@
 """Encode a mesh sequence to a stream, or its segments to streams that are joined."""
 
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from meshreel.codec.attributes_from_points import predict_from_positions
+from meshreel.codec.bitstream.container import write_stream
+from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.displaced import with_bound_of_motion
 from meshreel.codec.images import reencode_images
-from meshreel.codec.joining import join_streams
+from meshreel.codec.joining import blocks_of, header_of, join_streams, leading_of
+from meshreel.codec.memory import UNLIMITED
 from meshreel.codec.mesh_edits import MeshEdits
 from meshreel.codec.methods import method_named
+from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.option import takes_fields
 from meshreel.codec.options import all_options, config_of
 from meshreel.codec.paper_options import PaperOptions
 from meshreel.codec.reel_options import ReelOptions
 from meshreel.codec.reordering import without_reordering
-from meshreel.codec.source import Source
+from meshreel.codec.source import CodedMesh, Source
 from meshreel.codec.subspace.trajectories import bounding_frame
+from meshreel.codec.surface.payloads import write_attribute
 from meshreel.codec.surface.uv_grid import check_uvs, has_uvs
-from meshreel.codec.track_bounds import Measure, TrackBound, TrackTargets, kept_bounds
+from meshreel.codec.track_bounds import Measure, TrackTargets, kept_bounds
 from meshreel.errors import InvalidInputError
 from meshreel.model.extent import Extent
 from meshreel.model.notes import Notes
 from meshreel.model.sequence import MeshSequence, tracks_of_all
+from meshreel.model.surface import Domain
 from meshreel.model.surface_selection import (
     ALL,
     Names,
@@ -167,16 +174,18 @@ def encode_with(
         targets = {name: bound for name, bound in (tracks or {}).items() if name in segment.tracks}
         bounds = kept_bounds(config, segment.tracks, targets)
         for name, bound in bounds.items():
-            if has_several and bound.measure is Measure.SHARE and name not in ranges:
-                ranges[name] = _range_size(sequence, name)
-            bounds[name] = _in_units(bound, ranges.get(name))
+            if has_several and bound.measure is Measure.SHARE:
+                if name not in ranges:
+                    ranges[name] = _range_size(sequence, name)
+                amount = bound.amount / 100.0 * ranges[name]
+                bounds[name] = replace(bound, measure=Measure.UNITS, amount=amount)
         source = Source(segment, positions_config, surface, bounds, whole=whole)
         if edits is not None and source.mesh.may_be_edited:
             source = replace(source, edit=edits.edit_to(segment.faces, segment.n_verts))
         sources.append(source)
     streams = list(method_named(config.method).encode(sources, progress))
     if any(surface.attributes for surface in surfaces) and not config.positions_only:
-        streams = predict_from_positions(streams, [source.mesh for source in sources])
+        streams = list(predict_from_positions(streams, [source.mesh for source in sources]))
     if not has_several:
         return streams[0]
     return join_streams(streams, name=sequence.name, timing=sequence.timing)
@@ -196,8 +205,33 @@ def _range_size(sequence: MeshSequence, name: str) -> float:
     return bounding_frame(Extent(lowest, highest, 0.0)).scale if (highest > lowest).any() else 0.0
 
 
-def _in_units(bound: TrackBound, range_size: float | None) -> TrackBound:
-    """Return a bound in percent of a range as one in units of the track."""
-    if bound.measure is not Measure.SHARE or range_size is None:
-        return bound
-    return replace(bound, measure=Measure.UNITS, amount=bound.amount / 100.0 * range_size)
+def predict_from_positions(
+    streams: Iterable[bytes], meshes: Sequence[CodedMesh]
+) -> Iterator[bytes]:
+    """Yield the streams of segments, with attributes from points where that takes fewer bytes.
+
+    The points are the decoded positions of the first frame. Attributes that several segments store
+    alike remain, because these may share them.
+    """
+    n_stored = Counter(section for mesh in meshes for section in mesh.surface_sections)
+    for stream, mesh in zip(streams, meshes, strict=True):
+        surface, faces, bits = mesh.output_surface, mesh.output_faces, mesh.config.uv_bits
+        stored = [section for section in mesh.surface_sections if section[0] is Section.ATTRIBUTE]
+        candidates = {
+            section: attribute
+            for section, attribute in zip(stored, surface.attributes, strict=True)
+            if n_stored[section] == 1 and attribute.domain in (Domain.VERTEX, Domain.CORNER)
+        }
+        if not candidates:
+            yield stream
+            continue
+        opened = whole_stream(stream, UNLIMITED)
+        positions = np.empty((1, opened.n_verts, 3), opened.dtype)
+        method_named(opened.method).frames(opened, None).fill(positions, 0)
+        leading = list(leading_of(opened))
+        for number, section in enumerate(leading):
+            if section in candidates:
+                payload = write_attribute(candidates[section], surface, faces, bits, positions[0])
+                if len(payload) < len(section[1]):
+                    leading[number] = Section.ATTRIBUTE_FROM_POINTS, payload
+        yield write_stream((header_of(opened), leading, blocks_of(opened)))

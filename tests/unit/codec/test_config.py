@@ -7,7 +7,7 @@ import pytest
 from meshreel.codec.config import MAX_BLOCK_POSITIONS
 from meshreel.codec.memory import bytes_of
 from meshreel.codec.options import config_of
-from meshreel.codec.units import unit_ratio
+from meshreel.codec.track_bounds import unit_ratio
 from meshreel.errors import InvalidInputError
 
 TARGETS = {"quality": 80, "step": 0.001, "max_error": 0.1, "kg": 0.5, "size": 900}
