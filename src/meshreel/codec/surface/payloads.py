@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.bitstream.container import write_text, write_varint
+from meshreel.codec.bitstream.container import write_text, write_varint, write_varints
 from meshreel.codec.bitstream.layout import Order, Section
 from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.codec.entropy.tables import encode_grid_table, encode_table
@@ -30,7 +30,7 @@ from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.geometry.triangles import matching_corners
 from meshreel.model.materials import SLOTS, Image, Material, Texture
 from meshreel.model.notes import Note, NoteKind
-from meshreel.model.surface import PLAIN, VALUE_TYPES, Attribute, Domain, FaceGroups, Part, Surface
+from meshreel.model.surface import PLAIN, VALUE_TYPES, Attribute, Domain, Surface
 
 Integers = npt.NDArray[np.integer]
 Faces = npt.NDArray[np.int32]
@@ -84,11 +84,21 @@ def surface_sections(
     for attribute in surface.attributes:
         yield Section.ATTRIBUTE, write_attribute(attribute, surface, faces, uv_bits)
     for groups in surface.groups:
-        yield Section.GROUPS, _write_groups(groups)
+        head = write_text(groups.name) + write_varint(len(groups.labels))
+        labels = b"".join(map(write_text, groups.labels))
+        yield Section.GROUPS, head + labels + encode_integers([np.diff(groups.numbers, prepend=0)])
     if surface.parts:
-        yield Section.PARTS, _write_parts(surface.parts)
+        rows = (
+            write_varints(part.n_verts, part.n_faces) + write_text(part.name)
+            for part in surface.parts
+        )
+        yield Section.PARTS, write_varint(len(surface.parts)) + b"".join(rows)
     if surface.hard_edges is not None:
-        yield Section.HARD_EDGES, _write_hard_edges(surface, faces)
+        sizes = surface.sizes(len(faces))
+        edges = shared_edges(sizes, join_triangles(sizes, faces))
+        numbers = np.flatnonzero(hard_flags(surface.hard_edges, edges))
+        gaps = encode_integers([np.diff(numbers, prepend=-1) - 1])
+        yield Section.HARD_EDGES, write_varint(len(numbers)) + gaps
     for material in surface.materials:
         yield Section.MATERIAL, write_material(material)
     for image in surface.images:
@@ -220,22 +230,11 @@ def write_attribute(
     positions: Positions | None = None,
 ) -> bytes:
     """Encode an attribute; with positions of the vertices, predicted from these."""
-    kind, domain = KINDS.index(attribute.kind), DOMAINS.index(attribute.domain)
+    domain = attribute.domain
+    kind, code = KINDS.index(attribute.kind), DOMAINS.index(domain)
     number_type = VALUE_TYPES.index(attribute.values.dtype)
-    head = bytes([kind, domain, number_type, attribute.values.shape[1]])
-    values = _write_values(attribute, surface, faces, uv_bits, positions)
-    return head + write_text(attribute.name) + values
-
-
-def _write_values(
-    attribute: Attribute,
-    surface: Surface,
-    faces: Faces,
-    uv_bits: int | None,
-    positions: Positions | None,
-) -> bytes:
-    """Encode values in the layout that takes the fewest bytes."""
-    domain, indices = attribute.domain, attribute.indices
+    head = bytes([kind, code, number_type, attribute.values.shape[1]]) + write_text(attribute.name)
+    indices = attribute.indices
     bits = uv_bits if is_quantized(attribute) else None
     values = attribute.values if bits is None else uv_integers(attribute, bits)
     groups = sharing_groups(domain, surface, faces, len(values if indices is None else indices))
@@ -246,72 +245,49 @@ def _write_values(
             references = encode_corner_references(rows, surface, faces)
         elif rows is not None:
             references = encode_references(rows)
-        counts = write_varint(len(table)) + write_varint(len(references))
+        counts = bytes([layout]) + write_varints(len(table), len(references))
         row_faces, points = faces_of_rows(domain, rows, surface, faces), None
         if positions is not None and row_faces is not None:
             points = np.zeros((len(table), 3))
             points[row_faces.ravel()[::-1]] = positions[faces.ravel()[::-1]]  # of first corners
         if bits is None:
-            return bytes([layout]) + counts + references + encode_table(table, row_faces, points)
-        grid = encode_grid_table(table, bits, row_faces, points)
-        return bytes([layout]) + counts + references + grid
+            return counts + references + encode_table(table, row_faces, points)
+        return counts + references + encode_grid_table(table, bits, row_faces, points)
 
     if indices is not None:
-        return encoded(INDEXED, indices, values)
+        return head + encoded(INDEXED, indices, values)
     if domain is not Domain.CORNER:
-        return encoded(PER_ITEM, None, values)
+        return head + encoded(PER_ITEM, None, values)
     first, rows = distinct_rows(values, groups)
     shared = encoded(SHARED, rows, values[first])
     if len(rows) > MANY_CORNERS and len(first) < MAX_DISTINCT_SHARE * len(rows):
-        return shared
-    return min(encoded(PER_ITEM, None, values), shared, key=len)
-
-
-def _write_groups(groups: FaceGroups) -> bytes:
-    labels = write_varint(len(groups.labels)) + b"".join(map(write_text, groups.labels))
-    return write_text(groups.name) + labels + encode_integers([np.diff(groups.numbers, prepend=0)])
-
-
-def _write_parts(parts: tuple[Part, ...]) -> bytes:
-    return write_varint(len(parts)) + b"".join(
-        write_varint(part.n_verts) + write_varint(part.n_faces) + write_text(part.name)
-        for part in parts
-    )
-
-
-def _write_hard_edges(surface: Surface, faces: Faces) -> bytes:
-    sizes = surface.sizes(len(faces))
-    edges = shared_edges(sizes, join_triangles(sizes, faces))
-    numbers = np.flatnonzero(hard_flags(surface.hard_edges, edges))
-    return write_varint(len(numbers)) + encode_integers([np.diff(numbers, prepend=-1) - 1])
+        return head + shared
+    return head + min(encoded(PER_ITEM, None, values), shared, key=len)
 
 
 def write_material(material: Material) -> bytes:
     """Encode a material; default values take no bytes."""
     flags = ALPHA_MODES.index(material.alpha_mode)
     flags |= DOUBLE_SIDED * material.double_sided | UNLIT * material.unlit
-    textures = material.textures
-    slots = sum(1 << SLOTS.index(slot) for slot in textures)
     numbers = _write_numbers(material, Material(""), MATERIAL_NUMBERS)
-    head = write_text(material.name) + bytes([flags]) + numbers + bytes([slots])
-    return head + b"".join(map(_write_texture, textures.values()))
+    slots = sum(1 << SLOTS.index(slot) for slot in material.textures)
+    payload = write_text(material.name) + bytes([flags]) + numbers + bytes([slots])
+    for texture in material.textures.values():
+        channels = sum(1 << CHANNELS.index(channel) for channel in texture.channels)
+        wraps = WRAPS.index(texture.wrap_u) | WRAPS.index(texture.wrap_v) << 4
+        magnified, shrunk = (
+            0 if filter_ is None else 1 + FILTERS.index(filter_)
+            for filter_ in (texture.magnified, texture.shrunk)
+        )
+        payload += write_varint(texture.image) + write_text(texture.uv)
+        payload += bytes([channels, wraps, magnified | shrunk << 4])
+        payload += _write_numbers(texture, Texture(0), TEXTURE_NUMBERS)
+    return payload
 
 
 def write_image(image: Image) -> bytes:
     """Encode an image: its name, type, and unchanged bytes."""
     return write_text(image.name) + write_text(image.mime_type) + image.data
-
-
-def _write_texture(texture: Texture) -> bytes:
-    channels = sum(1 << CHANNELS.index(channel) for channel in texture.channels)
-    wraps = WRAPS.index(texture.wrap_u) | WRAPS.index(texture.wrap_v) << 4
-    magnified, shrunk = (
-        0 if filter_ is None else 1 + FILTERS.index(filter_)
-        for filter_ in (texture.magnified, texture.shrunk)
-    )
-    codes = bytes([channels, wraps, magnified | shrunk << 4])
-    numbers = _write_numbers(texture, Texture(0), TEXTURE_NUMBERS)
-    return write_varint(texture.image) + write_text(texture.uv) + codes + numbers
 
 
 def _write_numbers(appearance: Appearance, default: Appearance, sizes: dict[str, int]) -> bytes:

@@ -61,8 +61,13 @@ def sharing_groups(domain: Domain, surface: Surface, faces: Faces, n_items: int)
 def encode_references(rows: Integers) -> bytes:
     """Encode the row of each vertex or face; at least 0."""
     rows = np.asarray(rows, np.int64)
-    repeats = np.diff(rows, prepend=-1) == 0
-    codes = np.where(repeats, REPEAT, np.where(_first_references(rows), NEW, EXPLICIT))
+    distinct, first = np.unique(rows, return_index=True)
+    # Row r is new only if all lower rows occur before it, in ascending order.
+    in_order = (distinct == np.arange(len(distinct))) & (np.diff(first, prepend=-1) > 0)
+    n_new = len(distinct) if in_order.all() else int(np.argmin(in_order))
+    codes = np.full(len(rows), EXPLICIT)
+    codes[first[:n_new]] = NEW
+    codes[np.diff(rows, prepend=-1) == 0] = REPEAT
     explicit = rows[codes == EXPLICIT]
     return write_varint(len(explicit)) + encode_integers([codes, np.diff(explicit, prepend=0)])
 
@@ -93,16 +98,3 @@ def encode_corner_references(
     counts = [*map(len, by_context[1:]), len(explicit)]
     differences = np.diff(explicit, prepend=0)
     return b"".join(map(write_varint, counts)) + encode_integers([*by_context, differences])
-
-
-def _first_references(rows: Integers) -> npt.NDArray[np.bool_]:
-    """Return whether each item is the first to refer to its row, after all lower rows."""
-    is_new = np.zeros(len(rows), bool)
-    if not len(rows):
-        return is_new
-    distinct, first = np.unique(rows, return_index=True)
-    # Row r is new only if all lower rows occur before it, in ascending order.
-    in_order = (distinct == np.arange(len(distinct))) & (np.diff(first, prepend=-1) > 0)
-    n_new = len(distinct) if in_order.all() else int(np.argmin(in_order))
-    is_new[first[:n_new]] = True
-    return is_new
