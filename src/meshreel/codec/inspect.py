@@ -364,16 +364,6 @@ SurfaceProperties = dict[str, Any]
 """Attributes of `StreamInfo` that describe the surface, with its size."""
 
 
-def _surface_properties(opened: OpenStream) -> SurfaceProperties:
-    """Describe the surface of a segment; raises CorruptStreamError if it is damaged."""
-    surface = opened.surface
-    return {
-        "raw_size_bytes": surface.size_bytes,
-        "n_polygons": surface.n_faces(opened.n_faces),
-        **describe_surface(surface),
-    }
-
-
 def stream_info(
     opened: OpenStream,
     *,
@@ -398,7 +388,11 @@ def stream_info(
     sizes = _sizes(file, is_checked=not is_remote)
     surfaces = {} if surfaces is None else surfaces
     if opened.mesh_key not in surfaces:
-        surfaces[opened.mesh_key] = _surface_properties(opened)
+        surfaces[opened.mesh_key] = {
+            "raw_size_bytes": opened.surface.size_bytes,
+            "n_polygons": opened.surface.n_faces(opened.n_faces),
+            **describe_surface(opened.surface),
+        }
     surface = surfaces[opened.mesh_key]
     n_coordinates = opened.n_frames * opened.n_verts * 3
     tracks = _tracks(opened, sizes.of_tracks)

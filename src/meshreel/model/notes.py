@@ -161,14 +161,12 @@ class Notes(list[Note]):
         groups: dict[object, list[Note]] = {}
         for note in self:
             groups.setdefault((note.kind, note.subject), []).append(note)
-        self[:] = [_with_similar(first, {*others} - {first}) for first, *others in groups.values()]
-
-
-def _with_similar(first: Note, others: Collection[Note]) -> Note:
-    if not others:
-        return first
-    text = Message(*first.parts, "; other segments similarly")
-    return Note(first.kind, first.subject, first.names, text)
+        self.clear()
+        for first, *others in groups.values():
+            if {*others} - {first}:
+                text = Message(*first.parts, "; other segments similarly")
+                first = Note(first.kind, first.subject, first.names, text)
+            self.append(first)
 
 
 MAX_NAME = 500

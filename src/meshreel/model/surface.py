@@ -226,10 +226,17 @@ class Surface:
         """
         n_triangles = len(faces)
         sizes = _validated_sizes(self.face_sizes, faces)
+        n_faces = n_triangles if sizes is None else len(sizes)
         cells = self.cells if self.cells is None else validated_cells(self.cells, n_verts)
         if cells is not None:
-            _check_surface_of(cells, n_verts, faces, sizes)
-        n_faces = n_triangles if sizes is None else len(sizes)
+            expected = cells.surface(n_verts)
+            actual = np.full(n_triangles, 3) if sizes is None else sizes
+            has_sizes = np.array_equal(actual, expected.sizes)
+            if not (has_sizes and np.array_equal(faces, expected.triangles)):
+                raise InvalidInputError(
+                    "the faces are not the surface of the cells; let meshreel derive them: "
+                    "MeshSequence(vertices, cells=cells)"
+                )
         attributes = tuple(
             _validated_attribute(
                 attribute, self.n_items(Domain(attribute.domain), n_verts, n_triangles)
@@ -237,7 +244,17 @@ class Surface:
             for attribute in self.attributes
         )
         groups = tuple(_validated_groups(group, n_faces) for group in self.groups)
-        _validate_parts(self.parts, n_verts, n_faces)
+        if any(part.n_verts < 0 or part.n_faces < 0 for part in self.parts):
+            raise InvalidInputError("a part has a negative number of vertices or faces")
+        totals = [
+            sum(part.n_verts for part in self.parts),
+            sum(part.n_faces for part in self.parts),
+        ]
+        if self.parts and totals != [n_verts, n_faces]:
+            raise InvalidInputError(
+                f"parts have {totals[0]} vertices and {totals[1]} faces; "
+                f"the mesh has {n_verts} and {n_faces}"
+            )
         images = tuple(self.images)
         materials = validated_materials(self.materials, images)
         hard = _validated_edges(self.hard_edges, n_verts)
@@ -296,18 +313,6 @@ def _validated_sizes(sizes: Any, faces: npt.NDArray[np.integer]) -> Int32s | Non
     return frozen(array)
 
 
-def _check_surface_of(
-    cells: Cells, n_verts: int, faces: npt.NDArray[np.integer], sizes: Int32s | None
-) -> None:
-    expected = cells.surface(n_verts)
-    actual = np.full(len(faces), 3) if sizes is None else sizes
-    if not (np.array_equal(faces, expected.triangles) and np.array_equal(actual, expected.sizes)):
-        raise InvalidInputError(
-            "the faces are not the surface of the cells; let meshreel derive them: "
-            "MeshSequence(vertices, cells=cells)"
-        )
-
-
 def _validated_attribute(attribute: Attribute, n_items: int) -> Attribute:
     name, domain = f"attribute {attribute.name!r}", Domain(attribute.domain)
     values = np.asarray(attribute.values)
@@ -360,19 +365,6 @@ def _validated_edges(edges: Any, n_verts: int) -> Int32s | None:
         raise InvalidInputError(f"a hard edge needs two vertices; one has vertex {vertex} twice")
     keys = np.unique(low.astype(np.int64) * n_verts + high)
     return frozen(np.stack([keys // n_verts, keys % n_verts], axis=1).astype(np.int32))
-
-
-def _validate_parts(parts: tuple[Part, ...], n_verts: int, n_faces: int) -> None:
-    if not parts:
-        return
-    if any(part.n_verts < 0 or part.n_faces < 0 for part in parts):
-        raise InvalidInputError("a part has a negative number of vertices or faces")
-    total = sum(part.n_verts for part in parts), sum(part.n_faces for part in parts)
-    if total != (n_verts, n_faces):
-        raise InvalidInputError(
-            f"parts have {total[0]} vertices and {total[1]} faces; "
-            f"the mesh has {n_verts} and {n_faces}"
-        )
 
 
 def _integers(values: Any, name: str) -> Int32s:

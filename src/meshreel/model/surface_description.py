@@ -3,7 +3,6 @@
 import numpy as np
 
 from meshreel.kernel.cells import cell_sizes
-from meshreel.model.materials import Image, Material
 from meshreel.model.surface import Surface
 from meshreel.runtime.counting import counted, plural
 
@@ -25,50 +24,42 @@ def describe_surface(surface: Surface) -> dict[str, tuple[str, ...]]:
     Examples are "8 hexahedra", "2 hexahedra of 20 nodes", "uv 'st' of corners", "skin: normal image
     0" and "0: 'shade', image/png, 92 bytes".
     """
-    return {
-        "cells": _describe_cells(surface),
-        "attributes": _describe_attributes(surface),
-        "parts": tuple(part.name for part in surface.parts),
-        "materials": tuple(map(_describe_material, surface.materials)),
-        "images": tuple(_describe_image(*numbered) for numbered in enumerate(surface.images)),
-    }
-
-
-def _describe_cells(surface: Surface) -> tuple[str, ...]:
-    """Return the number of cells of each type."""
-    if surface.cells is None:
-        return ()
-    rows = []
-    for number, n_cells in zip(*np.unique(surface.cells.types, return_counts=True), strict=True):
+    cells: list[str] = []
+    types = () if surface.cells is None else surface.cells.types
+    for number, n_cells in zip(*np.unique(types, return_counts=True), strict=True):
         shape, n_nodes = _SHAPE_OF_TYPE[int(number)], cell_sizes()[number]
         is_linear = number == _SHAPES[shape][0]
         text = counted(int(n_cells), shape)
-        rows.append(text if is_linear else f"{text} of {n_nodes} nodes")
-    return tuple(rows)
+        cells.append(text if is_linear else f"{text} of {n_nodes} nodes")
 
-
-def _describe_attributes(surface: Surface) -> tuple[str, ...]:
-    """Return a text for each attribute, kind of groups and hard edges."""
     attributes = [
         f"{attribute.kind} {attribute.name!r} of {plural(str(attribute.domain))}"
         for attribute in surface.attributes
     ]
-    groups = [
+    attributes += [
         f"{counted(len(groups.labels), 'group')} {groups.name!r} of faces"
         for groups in surface.groups
     ]
-    hard = [] if surface.hard_edges is None else [counted(len(surface.hard_edges), "hard edge")]
-    return (*attributes, *groups, *hard)
+    if surface.hard_edges is not None:
+        attributes.append(counted(len(surface.hard_edges), "hard edge"))
 
+    materials = []
+    for material in surface.materials:
+        textures = [
+            f"{slot.replace('_', ' ')} image {texture.image}"
+            for slot, texture in material.textures.items()
+        ]
+        materials.append(f"{material.name}: {', '.join(textures)}" if textures else material.name)
 
-def _describe_material(material: Material) -> str:
-    textures = [
-        f"{slot.replace('_', ' ')} image {texture.image}"
-        for slot, texture in material.textures.items()
-    ]
-    return f"{material.name}: {', '.join(textures)}" if textures else material.name
+    images = []
+    for number, image in enumerate(surface.images):
+        name = f"{image.name!r}, " if image.name else ""
+        images.append(f"{number}: {name}{image.mime_type}, {len(image.data)} bytes")
 
-
-def _describe_image(number: int, image: Image) -> str:
-    name = f"{image.name!r}, " if image.name else ""
-    return f"{number}: {name}{image.mime_type}, {len(image.data)} bytes"
+    return {
+        "cells": tuple(cells),
+        "attributes": tuple(attributes),
+        "parts": tuple(part.name for part in surface.parts),
+        "materials": tuple(materials),
+        "images": tuple(images),
+    }

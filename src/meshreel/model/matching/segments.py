@@ -25,8 +25,7 @@ from meshreel.model.matching.corners import (
     is_of_triangles,
     values_at_corners,
 )
-from meshreel.model.matching.faces import aligned_faces
-from meshreel.model.matching.vertices import joined_vertices
+from meshreel.model.matching.joint_mesh import aligned_faces, joined_vertices
 from meshreel.model.sequence import FrameSource, MeshSequence, Vertices
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Surface
 from meshreel.runtime.progress import Count, Progress, silent
