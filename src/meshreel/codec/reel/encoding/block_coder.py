@@ -1,5 +1,6 @@
 """Encoder of blocks of the method `reel`."""
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import chain, starmap
@@ -21,6 +22,7 @@ from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.codec.reel_options import ReelOptions
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.subspace.trajectories import BoundingFrame
+from meshreel.metrics.reference import relative
 from meshreel.model.surface import Domain
 from meshreel.runtime.threads import in_chunks, one_blas_thread
 
@@ -36,6 +38,9 @@ MAX_ROUNDING_RATIO, MIN_ENERGY_RATIO = 1e-13, 1e-9
 """Squared errors are computed from fields if squared rounding errors are at most this share of them
 for each position, so that four standard deviations of their product with other errors are below the
 slack of `KgMeter`; and if they exceed this share of all squared coordinates."""
+
+SLACK = 1e-6
+"""Relative margin of errors that are computed from fields."""
 
 
 @dataclass(frozen=True)
@@ -146,6 +151,27 @@ class CodedFrames:
         errors: Floats = self.decoded(frames).astype(np.float64) - frames.internal_vertices
         errors /= frames.frame.scale
         return float(np.vdot(errors, errors))
+
+
+class KgMeter:
+    """KG error in percent, computed from fields; frames are decoded only if errors are tiny."""
+
+    def __init__(self) -> None:
+        self._error = self._spread = 0.0
+
+    def add(self, frames: BlockFrames, coded: CodedFrames) -> None:
+        """Add the next frames, original and coded."""
+        self.add_squares(coded.squared_error(frames), frames.spread)
+
+    def add_squares(self, error: float, spread: float) -> None:
+        """Add the squared errors of frames, and the squared distances from their means."""
+        self._error += error
+        self._spread += spread
+
+    @property
+    def value(self) -> float:
+        """Error of all frames so far."""
+        return 100.0 * (1.0 + SLACK) * relative(math.sqrt(self._error), math.sqrt(self._spread))
 
 
 class KeyedBlocks:

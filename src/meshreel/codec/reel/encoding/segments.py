@@ -6,9 +6,9 @@ from itertools import count
 
 from meshreel.codec.joining import join_streams
 from meshreel.codec.reel.encoding import whole
+from meshreel.codec.reel.encoding.block_coder import KgMeter
 from meshreel.codec.reel.encoding.block_frames import BlockFrames
 from meshreel.codec.reel.encoding.grid_positions import frame_error, suits_one_frame
-from meshreel.codec.reel.encoding.meters import KgMeter
 from meshreel.codec.reel.encoding.target_step import FIRST_STEP, step_within_limit
 from meshreel.codec.reel_options import ReelOptions
 from meshreel.codec.source import Source
@@ -95,8 +95,13 @@ def _common_step(sources: Sequence[Source], progress: Progress) -> float:
         report_try(progress, next(numbers))
         if config.target.kind is TargetKind.KG:
             meter = KgMeter()
-            for search in cached or _searches(sources):
-                search.add_errors(step, meter)
+            for source, search in cached or _searches(sources):
+                if search is not None:
+                    search.add_errors(step, meter)
+                    continue
+                vertices = source.sequence.read(0, 1)
+                spread = BlockFrames(vertices, source.frame).spread
+                meter.add_squares(frame_error(source, vertices, step), spread)
             return meter.value
 
         def encode_one(source: Source) -> bytes:
@@ -113,24 +118,11 @@ def _common_step(sources: Sequence[Source], progress: Progress) -> float:
     return step_within_limit(config, measure, start, has_tracks=has_tracks)
 
 
-class _FrameSearch:
-    """Errors of a segment of one frame on a grid."""
-
-    def __init__(self, source: Source) -> None:
-        self._source = source
-
-    def add_errors(self, step: float, meter: KgMeter) -> None:
-        """Add the errors of the frame, coded with a step, to a meter."""
-        vertices = self._source.sequence.read(0, 1)
-        spread = BlockFrames(vertices, self._source.frame).spread
-        meter.add_squares(frame_error(self._source, vertices, step), spread)
-
-
-def _searches(sources: Sequence[Source]) -> Iterator[whole.RateSearch | _FrameSearch]:
-    """Yield a search for each segment, which keeps its blocks for further steps."""
+def _searches(sources: Sequence[Source]) -> Iterator[tuple[Source, whole.RateSearch | None]]:
+    """Yield each segment with its search, which keeps its blocks; none for one frame on a grid."""
     for source in sources:
         is_frame = suits_one_frame(source)
-        yield _FrameSearch(source) if is_frame else whole.RateSearch(source, silent)
+        yield source, None if is_frame else whole.RateSearch(source, silent)
 
 
 def _n_positions(source: Source) -> int:

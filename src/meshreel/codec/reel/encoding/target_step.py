@@ -148,19 +148,16 @@ def step_within_limit(
 
     step = meet_limit(measured, target.value, start, rises=target.kind is not TargetKind.SIZE)
     if step is None:
+        best = f"the smallest error is {min(trials.values()):g}"
+        if target.kind is TargetKind.SIZE:
+            n_bytes = min(trials.values())
+            best = f"the smallest file with these options is {n_bytes:.0f} bytes"
         raise InvalidInputError(
             Keyword(target.kind.value),
-            f" {target.value:g} cannot be met: {_best(target.kind, min(trials.values()))}; ",
+            f" {target.value:g} cannot be met: {best}; ",
             *_remedy(config, has_tracks),
         )
     return step
-
-
-def _best(kind: TargetKind, reached: float) -> str:
-    """Describe the smallest value that was reached."""
-    if kind is TargetKind.SIZE:
-        return f"the smallest file with these options is {reached:.0f} bytes"
-    return f"the smallest error is {reached:g}"
 
 
 def _remedy(config: ReelOptions, has_tracks: bool) -> Iterator[str | Keyword]:

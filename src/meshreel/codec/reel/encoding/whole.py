@@ -1,7 +1,7 @@
 """Encoding of whole sequences: trial streams until one meets the target."""
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from functools import cached_property
 from itertools import chain, starmap
 
@@ -11,12 +11,11 @@ from meshreel.codec.achieved import measure_stream, measure_tracks
 from meshreel.codec.bitstream.container import Sections
 from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.reel.encoding import grid_positions
-from meshreel.codec.reel.encoding.block_coder import FieldBlockCoder, KeyedBlocks, coder_of
+from meshreel.codec.reel.encoding.block_coder import FieldBlockCoder, KeyedBlocks, KgMeter, coder_of
 from meshreel.codec.reel.encoding.block_frames import BlockFrames, largest_rounding
 from meshreel.codec.reel.encoding.effort import FINEST_STEP
 from meshreel.codec.reel.encoding.following_tracks import FollowingTracks
 from meshreel.codec.reel.encoding.grid_positions import GridBids, suits_one_frame
-from meshreel.codec.reel.encoding.meters import KgMeter
 from meshreel.codec.reel.encoding.rate_control import estimated_bytes, least_cost, sampled
 from meshreel.codec.reel.encoding.target_step import step_for_target
 from meshreel.codec.reel.encoding.tracks import encode_tracks
@@ -143,6 +142,7 @@ class RateSearch:
     def __init__(self, source: Source, progress: Progress, *, has_step: bool = False) -> None:
         self._source, self._has_step = source, has_step
         self._n_frames = source.n_frames
+        self._sampled = sampled(source.pieces)
         self.dtype: np.dtype[np.floating] = source.dtype
         config = source.config
         assert isinstance(config, ReelOptions)  # the options of this method
@@ -194,7 +194,7 @@ class RateSearch:
 
         Those of a long sequence are estimated from a sample.
         """
-        step, pieces = self._limited(step), self._sampled_pieces
+        step, pieces = self._limited(step), self._sampled
         if len(pieces) == len(self._source.pieces):
             return sum(_size_bytes(sections) for _, sections in self._coded_blocks(step, bound))
         blocks = KeyedBlocks(self._coder.with_step(step, bound))
@@ -276,11 +276,8 @@ class RateSearch:
 
     def _coded_blocks(self, step: float, bound: float | None) -> list[tuple[int, Sections]]:
         """Return frames and sections of each block for a step, with corrections for a bound."""
-        if step not in self._coded:
-            self._coded[step] = self._encoded(step, bound)
-        return self._coded[step]
-
-    def _encoded(self, step: float, bound: float | None) -> list[tuple[int, Sections]]:
+        if step in self._coded:
+            return self._coded[step]
         self._report(0)
         blocks: Iterator[tuple[int, Sections]]
         if self._best is not None and self._best[0] == step:
@@ -289,12 +286,9 @@ class RateSearch:
         else:
             keyed = KeyedBlocks(self._coder.with_step(step, bound))
             blocks = ((frames.n_frames, keyed.code(frames).sections) for frames in self._blocks())
-        return [(n_frames, list(sections)) for n_frames, sections in self._with_progress(blocks)]
-
-    @cached_property
-    def _sampled_pieces(self) -> Sequence[slice]:
-        """Pieces with which steps are compared: all, or some of a long sequence."""
-        return sampled(self._source.pieces)
+        reported = self._with_progress(blocks)
+        self._coded[step] = [(n_frames, list(sections)) for n_frames, sections in reported]
+        return self._coded[step]
 
     def _blocks(self) -> Iterable[BlockFrames]:
         """Return the blocks, cached for further trials or re-read for each."""
@@ -302,22 +296,13 @@ class RateSearch:
             return self._cached_blocks
         return self._read_blocks(self._source.pieces)
 
-    @property
-    def _is_cut(self) -> bool:
-        return self._source.block_frames < self._n_frames
-
-    @property
-    def _is_single_trial(self) -> bool:
-        return self._target.kind in SINGLE_TRIALS
-
     @cached_property
     def _caches_blocks(self) -> bool:
-        sequence = self._source.sequence
-        if not self._is_cut:
+        if self._source.block_frames >= self._n_frames:  # one block
             return True
-        if self._is_single_trial:
+        if self._target.kind in SINGLE_TRIALS:
             return False
-        cached_bytes = CACHED_POSITION_BYTES * self._n_frames * sequence.n_verts
+        cached_bytes = CACHED_POSITION_BYTES * self._n_frames * self._source.sequence.n_verts
         memory = self._source.config.memory_bytes
         return memory is None or cached_bytes <= memory / 2
 
@@ -341,7 +326,7 @@ class RateSearch:
 
     def _report(self, n_done: int) -> None:
         """Report encoded frames, of a search as a share of its tries."""
-        if self._is_single_trial or self._has_step:
+        if self._target.kind in SINGLE_TRIALS or self._has_step:
             self._progress("encoding", Count(n_done, self._n_frames, "frames"))
         else:
             number = 1 + len(self._coded) + len(self._errors)

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from meshreel.codec.options import config_of
-from meshreel.codec.reel.encoding.block_coder import KeyedBlocks, coder_of
-from meshreel.codec.reel.encoding.meters import SLACK, KgMeter
+from meshreel.codec.reel.encoding.block_coder import SLACK, KeyedBlocks, KgMeter, coder_of
 from meshreel.codec.source import Source
 from meshreel.metrics.position_errors import position_errors
 from meshreel.model.sequence import MeshSequence
