@@ -199,18 +199,41 @@ def _analyze_reusing(
     if choices.n_modes is not None:  # an option for the number of modes excludes those of the key
         return None
     finer, step = np.float32(choices.basis_step), float(layout.step)
-    reused = reuse_fields(frames, key, mesh.number, step, float(finer), choices.rate_weight)
-    if reused is None:
+    max_modes = frames.n_columns * frames.n_frames
+    n_reused = min(key.shape[1], max_modes)
+    fields = np.ascontiguousarray(key[mesh.number, :n_reused])
+    lengths = lengths_of(key, n_reused, float(finer))
+
+    # Least-squares vectors, of shape (C T, R), that fit frames with these fields.
+    pieces = chunks(frames.n_verts, CHUNK_VERTICES)
+    products = in_threads(lambda piece: frames.coordinates(piece) @ fields[piece], pieces)
+    inverse = np.linalg.pinv(fields.T @ fields, hermitian=True)
+    fitted: Floats = sum(products[1:], products[0]) @ inverse
+    scaled = fitted / step * lengths
+    if not np.abs(scaled).max() < LARGEST_INTEGER:
         return None
-    coding = reused.coding
-    basis, vectors, _ = _quantized_basis(reused.remainder, step, choices, coding, may_be_none=True)
-    n_reused = len(reused.integers)
-    if n_reused + len(basis) > frames.n_columns * frames.n_frames:
+    scaled = scaled.T.reshape(n_reused, frames.n_columns, frames.n_frames)
+    coding = choose_coding(frames, scaled, step, float(finer), choices.rate_weight)
+    integers, _ = quantized_basis(scaled, choices.rate_weight, coding)
+    used_modes = np.flatnonzero(integers.any(axis=(1, 2)))
+    if not len(used_modes):
+        return None
+    n_reused = int(used_modes[-1]) + 1
+    integers = np.ascontiguousarray(integers[:n_reused])
+
+    reused = basis_vectors(integers, coding, lengths[:n_reused]) * step
+    remainder = BlockFrames(
+        frames.vertices,
+        frames.frame,
+        frames.order,
+        (reused, np.ascontiguousarray(fields[:, :n_reused])),
+        frames.from_points,
+    )
+    basis, vectors, _ = _quantized_basis(remainder, step, choices, coding, may_be_none=True)
+    if n_reused + len(basis) > max_modes:
         return None
     layout = replace(layout, n_reused=n_reused, finer=finer, coding=coding)
-    return _encode_fields(
-        reused.remainder, basis, vectors, layout, mesh, choices, key, reused.integers
-    )
+    return _encode_fields(remainder, basis, vectors, layout, mesh, choices, key, integers)
 
 
 def _projected(vectors: Floats, frames: BlockFrames, rows: Integers, step: float) -> Floats:
@@ -301,86 +324,13 @@ def quantized_fields(
     forms : float32 array or None
         As in `encode_values`.
     """
-    choice = Choice(_first_shaped(mesh, choices), choices.feedback_gain, choices.rate_weight)
+    # Noise is shaped in the finest resolutions, but never in level 0.
+    resolution_of = mesh.hierarchy.level_resolutions
+    first = resolution_of[-1] + 1 - choices.n_shaped_resolutions
+    first_shaped = max(1, int(np.searchsorted(resolution_of, first)))
+    choice = Choice(first_shaped, choices.feedback_gain, choices.rate_weight)
     weights = related = None
     if from_points is not None:
         weights, related = from_points.weights, from_points.fields
     arrays = key, forms, weights, related
     return encode_values(mesh.hierarchy, target, choice, choices.n_learned, *arrays)
-
-
-def _first_shaped(mesh: FieldMesh, choices: FieldChoices) -> int:
-    """Return the first level with noise shaping: in the finest resolutions, but never level 0."""
-    resolution_of = mesh.hierarchy.level_resolutions
-    first = resolution_of[-1] + 1 - choices.n_shaped_resolutions
-    return max(1, int(np.searchsorted(resolution_of, first)))
-
-
-@dataclass(frozen=True)
-class ReusedFields:
-    """Basis vectors with which a block reuses fields of its key block."""
-
-    integers: npt.NDArray[np.int32]
-    """int32 array of shape (R, C, T). Residuals of the basis vectors."""
-    coding: BasisCoding
-    """Coding of all basis vectors of the block."""
-    remainder: BlockFrames
-    """The frames minus the reused modes."""
-
-
-def reuse_fields(
-    frames: BlockFrames,
-    values: Floats,
-    number: Integers,
-    step: float,
-    finer: float,
-    rate_weight: float,
-) -> ReusedFields | None:
-    """Fit frames by the fields of a key block; return None if these are not usable.
-
-    Parameters
-    ----------
-    values : float64 array of shape (V, K)
-        Fields of the key block, in coding order.
-    number : integer array of shape (V,)
-        Position of each vertex in coding order.
-    step : float
-        Step of the values, in diagonals.
-    finer : float
-        As in `Layout`.
-    rate_weight : float
-        As in `FieldChoices`.
-    """
-    n_reused = min(values.shape[1], frames.n_columns * frames.n_frames)
-    fields = np.ascontiguousarray(values[number, :n_reused])
-    lengths = lengths_of(values, n_reused, finer)
-    scaled = _fitted_vectors(frames, fields) / step * lengths
-    if not np.abs(scaled).max() < LARGEST_INTEGER:
-        return None
-    scaled = scaled.T.reshape(n_reused, frames.n_columns, frames.n_frames)
-    coding = choose_coding(frames, scaled, step, finer, rate_weight)
-    integers, _ = quantized_basis(scaled, rate_weight, coding)
-    used_modes = np.flatnonzero(integers.any(axis=(1, 2)))
-    if not len(used_modes):
-        return None
-    n_reused = int(used_modes[-1]) + 1
-    integers = np.ascontiguousarray(integers[:n_reused])
-    vectors = basis_vectors(integers, coding, lengths[:n_reused]) * step
-    subtracted = vectors, np.ascontiguousarray(fields[:, :n_reused])
-    remainder = BlockFrames(
-        frames.vertices, frames.frame, frames.order, subtracted, frames.from_points
-    )
-    return ReusedFields(integers, coding, remainder)
-
-
-def _fitted_vectors(frames: BlockFrames, fields: Floats) -> Floats:
-    """Least-squares vectors, of shape (C T, R), that fit frames with fields of shape (V, R)."""
-    pieces = chunks(frames.n_verts, CHUNK_VERTICES)
-    parts: list[Floats] = [np.empty(0)] * len(pieces)
-
-    def multiply(number: int) -> None:
-        parts[number] = frames.coordinates(pieces[number]) @ fields[pieces[number]]
-
-    in_threads(multiply, range(len(pieces)))
-    inverse = np.linalg.pinv(fields.T @ fields, hermitian=True)
-    return np.asarray(sum(parts[1:], parts[0]) @ inverse)

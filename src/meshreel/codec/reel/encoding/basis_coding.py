@@ -29,8 +29,6 @@ from meshreel.kernel.basis import (
     quantized_basis,
 )
 
-Runs = tuple[tuple[int, int], ...]
-
 SAMPLED_MODES = 48
 """Maximum number of modes for comparing codings; the middle ones are taken."""
 
@@ -166,36 +164,24 @@ def find_rests(
     is_resting = np.mean(steps < position_step, axis=1) >= MIN_RESTING
     if not is_resting.any():
         return NO_REST
-    runs = _runs_of(np.concatenate([[False], is_resting]))
+    # First time and end of each run; the first time of the block does not rest.
+    edges = np.flatnonzero(np.diff(is_resting.astype(np.int8), prepend=0, append=0)) + 1
+    runs = tuple(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
     rests = Rests(runs, _rest_bits(frames.n_verts, targets, finer))
     with_rests, _ = quantized_basis(targets, rate_weight, BasisCoding(rests))
     plain, _ = quantized_basis(targets, rate_weight)
-    kept_runs = _affordable(runs, _bits_of_times(with_rests), _bits_of_times(plain))
-    return Rests(kept_runs, rests.bits) if kept_runs else NO_REST
 
-
-def _affordable(runs: Runs, bits: Floats, bits_without: Floats) -> Runs:
-    """Return the runs to keep; see `MAX_COST_RATIO`."""
+    bits, bits_without = _bits_of_times(with_rests), _bits_of_times(plain)
     costs = [(bits[start:end].sum(), bits_without[start:end].sum()) for start, end in runs]
     budget, kept_runs = MAX_COST_SHARE * bits_without.sum(), []
-    for (cost, cost_without), run in sorted(zip(costs, runs, strict=True), key=_extra_bits):
-        if cost <= MAX_COST_RATIO * cost_without:
-            kept_runs.append(run)
-        elif cost - cost_without <= budget:
+    by_extra_bits = sorted(zip(costs, runs, strict=True), key=lambda row: row[0][0] - row[0][1])
+    for (cost, cost_without), run in by_extra_bits:
+        if cost > MAX_COST_RATIO * cost_without:
+            if cost - cost_without > budget:
+                continue
             budget -= cost - cost_without
-            kept_runs.append(run)
-    return tuple(sorted(kept_runs))
-
-
-def _extra_bits(item: tuple[tuple[float, float], tuple[int, int]]) -> float:
-    (cost, cost_without), _ = item
-    return cost - cost_without
-
-
-def _runs_of(is_resting: npt.NDArray[np.bool_]) -> Runs:
-    """Return first time and end of each run; the first time of the block does not rest."""
-    edges = np.flatnonzero(np.diff(is_resting.astype(np.int8), append=0)) + 1
-    return tuple(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+        kept_runs.append(run)
+    return Rests(tuple(sorted(kept_runs)), rests.bits) if kept_runs else NO_REST
 
 
 def _rest_bits(n_verts: int, targets: Floats, finer: float) -> int:

@@ -81,7 +81,7 @@ class BlockFrames:
         Coordinates of all frames may be cached and must not be changed; those of some frames are a
         copy.
         """
-        if not self._is_small:
+        if self.vertices.size > MAX_CACHED:
             return self._rows(piece, frames)
         if frames == slice(None):
             return self._all[:, piece]
@@ -98,10 +98,6 @@ class BlockFrames:
             vectors, fields = self.subtracted
             rows -= vectors[:, frames].reshape(len(rows), -1) @ fields[piece].T
         return rows
-
-    @property
-    def _is_small(self) -> bool:
-        return self.vertices.size <= MAX_CACHED
 
     @cached_property
     def _all(self) -> Floats:

@@ -80,18 +80,14 @@ class ExactPositionCoder(PositionCoder):
     def code(self, vertices: Vertices) -> list[tuple[Section, bytes]]:
         """Encode a contiguous block of shape (T_b, V, 3), in internal order."""
         exact = write_exact_positions(vertices, self.graph)
-        on_grid = self._encode_on_grid(vertices)
-        return exact if on_grid is None else min(exact, on_grid, key=size_bytes)
-
-    def _encode_on_grid(self, vertices: Vertices) -> list[tuple[Section, bytes]] | None:
-        """Encode the frame on its grid, with the rounding of its values."""
         if self.grid is None or self.faces_and_twins is None:
-            return None
+            return exact
         coordinates = self.grid.coordinates(vertices)
         rounding = self.grid.rounding(coordinates, vertices)
         if rounding is None or np.abs(coordinates).max() > MAX_VALUE:
-            return None
-        return write_on_surface(coordinates, self.grid.step, *self.faces_and_twins, rounding)
+            return exact
+        on_grid = write_on_surface(coordinates, self.grid.step, *self.faces_and_twins, rounding)
+        return min(exact, on_grid, key=size_bytes)
 
 
 def encode(source: Source, progress: Progress) -> bytes:
@@ -139,14 +135,4 @@ def _encode_blocks(
 ) -> Iterator[CodedBlock]:
     """Yield frames and sections of each block, encoding several in parallel."""
     while group := list(islice(blocks, n_together)):
-        yield from _encode_in_parallel(coder, group)
-
-
-def _encode_in_parallel(coder: PositionCoder, blocks: list[Vertices]) -> list[CodedBlock]:
-    coded: dict[int, list[tuple[Section, bytes]]] = {}
-
-    def code(number: int) -> None:
-        coded[number] = coder.code(blocks[number])
-
-    in_threads(code, range(len(blocks)))
-    return [(len(vertices), coded[number]) for number, vertices in enumerate(blocks)]
+        yield from zip(map(len, group), in_threads(coder.code, group), strict=True)

@@ -149,21 +149,18 @@ class FollowingTracks:
         coder = track_coder(name, track, self._source.bounds[name], self._source.mesh)
         if isinstance(coder, ExactTrackCoder):
             return coded
-        pieces, is_followed = self._source.pieces, self._may_be_related(track, number)
+        # Fields are kept for later tracks of the same items if they take little memory.
+        source, pieces = self._source, self._source.pieces
+        later = (source.sequence.tracks[name] for name in list(source.bounds)[number + 1 :])
+        n_numbers = source.n_frames * track.shape[2] / len(pieces)
+        is_followed = any(other.domain is track.domain for other in later)
+        is_followed = is_followed and (len(pieces) == 1 or n_numbers >= MIN_NUMBERS)
         relation = decoded, number, self._related
         search = StepSearch(coder, track, pieces, *relation, keeps_fields=is_followed)
         smaller = min(search.best()[1], coded, key=_size_of)
         if is_followed and smaller is not coded:
             self._related.append(search.as_related)
         return smaller
-
-    def _may_be_related(self, track: TrackSource, number: int) -> bool:
-        """Whether later tracks have the same items, and fields take little memory beside values."""
-        source = self._source
-        later = list(source.bounds)[number + 1 :]
-        is_followed = any(source.sequence.tracks[name].domain is track.domain for name in later)
-        n_numbers = source.n_frames * track.shape[2] / len(source.pieces)
-        return is_followed and (len(source.pieces) == 1 or n_numbers >= MIN_NUMBERS)
 
 
 def _size_of(track: CodedTrack) -> int:

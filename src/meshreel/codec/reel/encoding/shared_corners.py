@@ -8,7 +8,7 @@ import numpy.typing as npt
 from meshreel.arrays import Integers, Values
 from meshreel.codec.bitstream.layout import Order
 from meshreel.codec.connectivity.order import inverse_permutation
-from meshreel.codec.corner_rows import CornerRows, number_rows, write_corner_rows
+from meshreel.codec.corner_rows import number_rows, write_corner_rows
 from meshreel.codec.reel.normative.graphs import ItemGraph, item_graph
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.surface.rows import distinct_rows
@@ -80,7 +80,20 @@ def shared_track(track: TrackSource, mesh: CodedMesh) -> SharedTrack | None:
         corners, is_unused = _first_corners(vertices, mesh.n_verts)
         graph = ItemGraph(mesh.links, mesh.n_verts)
         return SharedTrack(track, corners, is_unused, Sharing.VERTICES, graph, mesh.order)
-    return _track_of_rows(track, rows, vertices, mesh)
+    corners, is_unused = _first_corners(rows.of_corners, rows.n_rows)
+    vertex_of_row = np.empty(rows.n_rows, np.int64)
+    vertex_of_row[: mesh.n_verts] = inverse_permutation(mesh.output_order)
+    vertex_of_row[rows.of_corners] = vertices
+    return SharedTrack(
+        track,
+        corners,
+        is_unused,
+        Sharing.ROWS,
+        item_graph(Domain.CORNER, mesh.output_faces, mesh.surface, mesh.n_verts, rows),
+        None,
+        write_corner_rows(rows, mesh.output_order[vertices], mesh.n_verts),
+        vertex_of_row,
+    )
 
 
 def equal_corners(track: TrackSource, vertices: Integers) -> Integers:
@@ -111,35 +124,3 @@ def _first_corners(items: Integers, n_items: int) -> tuple[Integers, npt.NDArray
     corners = np.full(n_items, -1, np.int64)
     corners[items[::-1]] = np.arange(len(items))[::-1]
     return np.maximum(corners, 0), corners < 0
-
-
-def _track_of_rows(
-    track: TrackSource, rows: CornerRows, vertices: Integers, mesh: CodedMesh
-) -> SharedTrack:
-    corners, is_unused = _first_corners(rows.of_corners, rows.n_rows)
-    return SharedTrack(
-        track,
-        corners,
-        is_unused,
-        Sharing.ROWS,
-        item_graph(Domain.CORNER, mesh.output_faces, mesh.surface, mesh.n_verts, rows),
-        None,
-        write_corner_rows(rows, mesh.output_order[vertices], mesh.n_verts),
-        _vertices_of_rows(rows, vertices, mesh.output_order),
-    )
-
-
-def _vertices_of_rows(rows: CornerRows, vertices: Integers, order: Integers) -> Integers:
-    """Return the decoded vertex of each row.
-
-    Parameters
-    ----------
-    vertices : integer array of shape (N,)
-        Decoded vertex of each corner.
-    order : integer array of shape (V,)
-        Internal number of each decoded vertex.
-    """
-    vertex_of_row = np.empty(rows.n_rows, np.int64)
-    vertex_of_row[: len(order)] = inverse_permutation(order)
-    vertex_of_row[rows.of_corners] = vertices
-    return vertex_of_row

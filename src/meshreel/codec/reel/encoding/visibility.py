@@ -77,8 +77,12 @@ def steps_of_quality(
         frames.append(block[evenly_spaced(len(block), N_FRAMES)].astype(np.float64) / model_size)
         times = evenly_spaced(len(block), MAX_FRAMES)
         vertices = evenly_spaced(n_verts, MAX_VERTICES)
-        sampled = block[np.ix_(times, vertices)].astype(np.float64)
-        variances.append(_variances(sampled / model_size))
+        sampled = block[np.ix_(times, vertices)].astype(np.float64) / model_size
+        rows = (sampled - sampled[0, 0]).transpose(0, 2, 1).reshape(-1, sampled.shape[1])
+        if rows.shape[0] > rows.shape[1]:
+            rows = rows.T
+        squares = np.sort(np.maximum(np.linalg.eigvalsh(rows @ rows.T), 0.0))
+        variances.append(squares / (len(times) * len(vertices)))
     surface = SampledSurface(faces, np.concatenate(frames))
     # A grid rounds three coordinates, and coincident vertices equally, so seams do not matter.
     grid = 2.0 * surface.allowed_error(1) * scale * model_size
@@ -107,15 +111,6 @@ def _rounding_error(allowed: float, variances: Floats) -> float:
     """
     sums = np.cumsum(variances) + np.arange(len(variances))[::-1] * variances
     return float(np.interp(allowed, np.append(0.0, sums), np.append(0.0, variances)))
-
-
-def _variances(sampled: Floats) -> Floats:
-    """Return the variances of the modes of some vertices in some frames, of shape (T, V, 3)."""
-    rows = (sampled - sampled[0, 0]).transpose(0, 2, 1).reshape(-1, sampled.shape[1])
-    if rows.shape[0] > rows.shape[1]:
-        rows = rows.T
-    squares = np.linalg.eigvalsh(rows @ rows.T)
-    return np.asarray(np.sort(np.maximum(squares, 0.0)) / (sampled.shape[0] * sampled.shape[1]))
 
 
 class SampledSurface:

@@ -150,28 +150,24 @@ def write_layout(layout: Layout) -> bytes:
     number |= WITH_COSINES if coding.has_cosines else 0
     number |= ADAPTIVE if coding.is_adaptive else 0
     number |= 0 if layout.nugget is None else FROM_POINTS
-    rests = _write_rests(coding.rests)
     parts = [
         bytes([number]),
         write_varint(layout.reference),
         struct.pack("<f", layout.step),
         write_varints(layout.stencil_size, layout.n_learned),
-        b"" if layout.nugget is None else _write_nugget(layout.nugget, layout.related),
-        rests,
     ]
+    if layout.nugget is not None:
+        parts.append(bytes([layout.nugget | (WITH_RELATED if layout.related else 0)]))
+        parts.append(write_varint(layout.related) if layout.related else b"")
+    if coding.rests.runs:
+        parts.append(_write_rests(coding.rests))
     if layout.n_reused:
         parts += [write_varint(layout.n_reused), struct.pack("<f", layout.finer)]
     return b"".join(parts)
 
 
-def _write_nugget(code: int, related: int) -> bytes:
-    return bytes([code | WITH_RELATED]) + write_varint(related) if related else bytes([code])
-
-
 def _write_rests(rests: Rests) -> bytes:
-    """Encode the resting times of a block; empty without any."""
-    if not rests.runs:
-        return b""
+    """Encode the resting times of a block."""
     numbers, previous_end = [len(rests.runs)], 0
     for start, end in rests.runs:
         numbers += [start - previous_end, end - start]
