@@ -77,29 +77,30 @@ def bound_of(bound: float | str, unit: str | None = None, option: str = "max_err
         If it is none of these or not above 0, a length lacks the unit of the model, or a unit is
         given with a bound that is not a length.
     """
-    if not isinstance(bound, str):
-        return _checked(bound, "", bound, unit, option)
-    match = _BOUND.fullmatch(bound.strip().lower())
-    if not match:
-        raise InvalidInputError(
-            Keyword(option),
-            f" takes percent of the diagonal (0.1 or 0.1%), model units (0.5u) or a "
-            f"length ({', '.join(f'0.5{name}' for name in METERS)}); got {bound!r}",
-        )
-    return _checked(float(match[1]), match[2], bound, unit, option)
-
-
-def _checked(
-    amount: float, suffix: str, bound: float | str, unit: str | None, option: str
-) -> ErrorBound:
+    if isinstance(bound, str):
+        match = _BOUND.fullmatch(bound.strip().lower())
+        if not match:
+            raise InvalidInputError(
+                Keyword(option),
+                f" takes percent of the diagonal (0.1 or 0.1%), model units (0.5u) or a "
+                f"length ({', '.join(f'0.5{name}' for name in METERS)}); got {bound!r}",
+            )
+        amount, suffix = float(match[1]), match[2]
+    else:
+        amount, suffix = bound, ""
     if not 0 < amount < float("inf"):
         raise InvalidInputError(Keyword(option), f" must be above 0; got {bound}")
     if unit is not None and unit not in METERS:
         raise InvalidInputError(Keyword("unit"), f" is one of {', '.join(METERS)}; got {unit!r}")
     if suffix in METERS:
-        return ErrorBound(
-            amount * METERS[suffix] / METERS[_required_unit(unit, bound, option)], is_length=True
-        )
+        if unit is None:
+            raise InvalidInputError(
+                Keyword(option),
+                f" {bound} is a length, but the model has no length unit; give it with ",
+                Keyword("unit"),
+                f" ({', '.join(METERS)}), or use model units as in 0.5{MODEL_UNITS}",
+            )
+        return ErrorBound(amount * METERS[suffix] / METERS[unit], is_length=True)
     if suffix not in ("", "%", MODEL_UNITS):
         raise InvalidInputError(
             Keyword(option),
@@ -114,14 +115,3 @@ def _checked(
             " in mm, cm, m, km, in or ft",
         )
     return ErrorBound(amount, is_length=suffix == MODEL_UNITS)
-
-
-def _required_unit(unit: str | None, bound: float | str, option: str) -> str:
-    if unit is None:
-        raise InvalidInputError(
-            Keyword(option),
-            f" {bound} is a length, but the model has no length unit; give it with ",
-            Keyword("unit"),
-            f" ({', '.join(METERS)}), or use model units as in 0.5{MODEL_UNITS}",
-        )
-    return unit

@@ -38,19 +38,17 @@ def bytes_of(size: float | str, name: str) -> float:
     InvalidInputError
         If it is not a size, or not above 0.
     """
-    if not isinstance(size, str):
-        return _checked(size, size, name)
-    match = _SIZE.fullmatch(size.strip())
-    factors = {unit.lower(): factor for unit, factor in UNITS.items()}
-    if not match or match[2].lower() not in factors:
-        raise InvalidInputError(
-            Keyword(name),
-            f" takes a size such as 100kB or 1GiB, or a number of bytes; got {size!r}",
-        )
-    return _checked(float(match[1]) * factors[match[2].lower()], size, name)
-
-
-def _checked(size_bytes: float, size: float | str, name: str) -> float:
+    if isinstance(size, str):
+        match = _SIZE.fullmatch(size.strip())
+        factors = {unit.lower(): factor for unit, factor in UNITS.items()}
+        if not match or match[2].lower() not in factors:
+            raise InvalidInputError(
+                Keyword(name),
+                f" takes a size such as 100kB or 1GiB, or a number of bytes; got {size!r}",
+            )
+        size_bytes = float(match[1]) * factors[match[2].lower()]
+    else:
+        size_bytes = size
     if not 0 < size_bytes < float("inf"):
         raise InvalidInputError(Keyword(name), f" must be above 0; got {size}")
     return size_bytes

@@ -73,7 +73,11 @@ class Range:
     def check(self, number: Any, name: str | Keyword, unit: str = "") -> None:
         """Raise InvalidInputError, with the option's name, unless a number is in the range."""
         allowed = f"{self}, {unit}" if unit else str(self)
-        if _as_number(number) not in self:
+        try:
+            amount = math.nan if isinstance(number, str | bytes) else float(number)
+        except (TypeError, ValueError, OverflowError):
+            amount = math.nan
+        if amount not in self:
             is_whole = isinstance(number, float) and number.is_integer()
             value = int(number) if is_whole else repr(number) if isinstance(number, str) else number
             raise InvalidInputError(name, f" must be {allowed}; got {value}")
@@ -159,8 +163,10 @@ class Option:
                 raise InvalidInputError(
                     Keyword(self.name), f" {text} is unknown; choose {', '.join(self.names)}"
                 )
-        elif self.range is not None and not self._is_parsed_later(value):
-            self.range.check(value, Keyword(self.name), self.unit)
+        elif self.range is not None:
+            others = [get_origin(kind) or kind for kind in self.types if kind not in (int, float)]
+            if not isinstance(value, tuple(others)):
+                self.range.check(value, Keyword(self.name), self.unit)
 
     def check_method(self, method: str) -> None:
         """Raise InvalidInputError unless a method uses the option."""
@@ -170,18 +176,6 @@ class Option:
                 Keyword(self.name),
                 f"; omit it, or choose {' or '.join(self.methods)}",
             )
-
-    def _is_parsed_later(self, value: Any) -> bool:
-        others = [get_origin(kind) or kind for kind in self.types if kind not in (int, float)]
-        return any(isinstance(value, other) for other in others)
-
-
-def _as_number(value: Any) -> float:
-    """Convert a value to a float; NaN if it is not a number."""
-    try:
-        return math.nan if isinstance(value, str | bytes) else float(value)
-    except (TypeError, ValueError, OverflowError):
-        return math.nan
 
 
 class _OptionNames(dict[str, str]):

@@ -207,7 +207,13 @@ class ReelOptions(EncoderConfig):
                 Keyword("size"),
             )
         if self.lossless:
-            self._make_lossless()
+            unused = [option for option in self.chosen if LOSSLESS not in option.methods]
+            if unused:
+                first, lossless = Keyword(unused[0].name), Keyword("lossless")
+                raise InvalidInputError(
+                    first, " has no effect with ", lossless, "; omit it, or ", lossless
+                )
+            object.__setattr__(self, "method", LOSSLESS)
         object.__setattr__(self, "lossless", self.method == LOSSLESS)
         method_named(self.method).check(self)
 
@@ -228,16 +234,6 @@ class ReelOptions(EncoderConfig):
                 first, second = Keyword("bound"), Keyword(kind.value)
                 raise InvalidInputError(first, " and ", second, " exclude each other; give one")
         object.__setattr__(self, "bound", percent)
-
-    def _make_lossless(self) -> None:
-        """Set the method to lossless; raise if another option excludes it."""
-        unused = next((option for option in self.chosen if LOSSLESS not in option.methods), None)
-        if unused is not None:
-            lossless = Keyword("lossless")
-            raise InvalidInputError(
-                Keyword(unused.name), " has no effect with ", lossless, "; omit it, or ", lossless
-            )
-        object.__setattr__(self, "method", LOSSLESS)
 
     @property
     def bound_percent(self) -> float | None:
