@@ -14,10 +14,10 @@ from meshreel.codec.bitstream.layout import Order
 from meshreel.codec.dropped_order import internal_numbers
 from meshreel.codec.memory import OWN_STREAM
 from meshreel.codec.method_names import LOSSLESS
-from meshreel.codec.open_stream import OpenStream, whole_stream
+from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.surface.payloads import surface_in_order
-from meshreel.codec.surface.uv_grid import is_quantized
+from meshreel.codec.surface.uv_grid import has_uvs, is_quantized
 from meshreel.errors import SolverError
 from meshreel.metrics.normals import normal_angles
 from meshreel.metrics.position_errors import ErrorSums, add_blocks
@@ -27,7 +27,7 @@ from meshreel.metrics.track_errors import TrackErrors, errors_of_tracks, joined_
 from meshreel.model.extent import Extent
 from meshreel.model.frame_choice import evenly_spaced
 from meshreel.model.sequence import FrameSource, MeshSequence
-from meshreel.model.surface import Attribute, Domain
+from meshreel.model.surface import Domain
 from meshreel.runtime.progress import Count, Progress, silent
 
 SHAPE_FRAMES = 10
@@ -170,29 +170,19 @@ def measure_uvs(sequence: MeshSequence, data: bytes) -> float | None:
     sequence : MeshSequence
         The original, with its complete surface.
     """
-    errors = [
-        error
-        for number, segment in enumerate(sequence.segments)
-        for error in _uv_errors(segment, whole_stream(data, segment=number))
-    ]
-    return max(errors, default=None)
-
-
-def _uv_errors(sequence: FrameSource, opened: OpenStream) -> list[float]:
-    """Return the largest error of each attribute with rounded texture coordinates."""
-    faces, order = sequence.faces, opened.order_kept
-    internal = np.arange(sequence.n_verts)
-    if order is Order.DROP and sequence.surface.attributes:
-        internal = np.argsort(internal_numbers(sequence)[Domain.VERTEX])
-    attributes = surface_in_order(
-        sequence.surface, order, faces, opened.file.faces, internal
-    ).attributes
-    if not any(map(is_quantized, attributes)):
-        return []
-    pairs = zip(attributes, opened.surface.attributes, strict=True)
-    return [_largest_uv_error(uv, uv_hat) for uv, uv_hat in pairs if is_quantized(uv)]
-
-
-def _largest_uv_error(original: Attribute, decoded: Attribute) -> float:
-    errors = decoded.per_item().astype(np.float64) - original.per_item()
-    return float(np.abs(errors[np.isfinite(errors)]).max(initial=0))
+    largest = []
+    for number, segment in enumerate(sequence.segments):
+        if not has_uvs(segment.surface):
+            continue
+        opened = whole_stream(data, segment=number)
+        internal = np.arange(segment.n_verts)
+        if opened.order_kept is Order.DROP:
+            internal = np.argsort(internal_numbers(segment)[Domain.VERTEX])
+        surface = surface_in_order(
+            segment.surface, opened.order_kept, segment.faces, opened.file.faces, internal
+        )
+        for uv, uv_hat in zip(surface.attributes, opened.surface.attributes, strict=True):
+            if is_quantized(uv):
+                errors = uv_hat.per_item().astype(np.float64) - uv.per_item()
+                largest.append(float(np.abs(errors[np.isfinite(errors)]).max(initial=0)))
+    return max(largest, default=None)

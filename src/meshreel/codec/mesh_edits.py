@@ -110,25 +110,27 @@ def find_edit(base: BaseMesh, faces: Faces, n_verts: int) -> MeshEdit | None:
         candidates.append(_edit_with(base, faces, verts))
     edits = [edit for edit in candidates if edit is not None]
     smallest = min(edits, key=lambda edit: len(edit.payload), default=None)
-    if smallest is None or not _is_worthwhile(smallest, faces, n_verts):
+    if smallest is None:
         return None
-    return smallest
-
-
-def _is_worthwhile(edit: MeshEdit, faces: Faces, n_verts: int) -> bool:
-    """Whether an edit takes few bytes compared with the connectivity and the order of the mesh.
-
-    Those of the base usually take fewer bytes, and are coded only once for all edits.
-    """
-    if len(edit.payload) <= MAX_SIZE * edit.base.connectivity.size_bytes:
-        return True
+    # The connectivity and order of the base usually take fewer bytes than those of the mesh, and
+    # are coded only once for all edits.
+    if len(smallest.payload) <= MAX_SIZE * base.connectivity.size_bytes:
+        return smallest
     without_edit = encode_connectivity(faces, n_verts, order="keep")
-    return len(edit.payload) <= MAX_SIZE * without_edit.size_bytes
+    return smallest if len(smallest.payload) <= MAX_SIZE * without_edit.size_bytes else None
 
 
 def _edit_with(base: BaseMesh, faces: Faces, verts: Integers) -> MeshEdit | None:
     """Return the edit in which vertices have these numbers, or None if most faces are new."""
-    base_faces = _matched_faces(base.index, verts[faces])
+    index, candidates = base.index, verts[faces]
+    keys = index.keys(candidates)
+    ranks = np.searchsorted(index.sorted_keys, keys) + n_equal_before(keys)
+    is_in_base = ranks < len(index.faces)
+    ranks = np.minimum(ranks, len(index.faces) - 1)
+    is_in_base &= (index.sorted_keys[ranks] == keys) & (candidates.min(axis=1) >= 0)
+    base_faces = np.where(is_in_base, index.by_key[ranks], -1)
+    ascending = longest_ascending(base_faces[is_in_base])
+    base_faces[np.flatnonzero(is_in_base)[~ascending]] = -1
     if 2 * np.count_nonzero(base_faces < 0) > len(faces):
         return None
     steps = [*_steps(verts, base.n_verts), *_steps(base_faces, len(base.faces))]
@@ -168,19 +170,6 @@ def _split_vertices(index: FaceIndex, faces: Faces, n_verts: int) -> Integers:
     numbers[split:] += shift
     if shift < 0:
         numbers[split : split - shift] = -1
-    return numbers
-
-
-def _matched_faces(index: FaceIndex, faces: Integers) -> Integers:
-    """Return the number of each face in the base, ascending, or -1."""
-    keys = index.keys(faces)
-    ranks = np.searchsorted(index.sorted_keys, keys) + n_equal_before(keys)
-    is_in_base = ranks < len(index.faces)
-    ranks = np.minimum(ranks, len(index.faces) - 1)
-    is_in_base &= (index.sorted_keys[ranks] == keys) & (faces.min(axis=1) >= 0)
-    numbers = np.where(is_in_base, index.by_key[ranks], -1)
-    ascending = longest_ascending(numbers[is_in_base])
-    numbers[np.flatnonzero(is_in_base)[~ascending]] = -1
     return numbers
 
 

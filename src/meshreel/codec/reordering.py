@@ -71,8 +71,10 @@ def _in_order_of(first: FrameSource, second: FrameSource) -> MeshSequence | None
     if tracks is None or tracks != _properties_of_tracks(second.tracks):
         return None
     surfaces = first.surface, second.surface
-    descriptions = list(map(describe_surface, surfaces))
-    if not all(map(_is_joinable, surfaces)) or descriptions[0] != descriptions[1]:
+    # Polygons, cells, parts and hard edges refer to the order.
+    if not all(is_of_triangles(one) and one.hard_edges is None for one in surfaces):
+        return None
+    if describe_surface(first.surface) != describe_surface(second.surface):
         return None
     if np.array_equal(first.faces, second.faces):
         return None  # the caller made them segments, for instance shots
@@ -110,11 +112,6 @@ def in_order(
     }
     vertices = hand_over(loaded.vertices[:, numbers[Domain.VERTEX]])
     return loaded.replace(vertices=vertices, faces=faces, surface=surface, tracks=tracks)
-
-
-def _is_joinable(surface: Surface) -> bool:
-    """Whether a surface has no polygons, cells, parts or hard edges, which refer to the order."""
-    return is_of_triangles(surface) and surface.hard_edges is None
 
 
 def _properties_of_tracks(

@@ -235,12 +235,20 @@ class Encoder:
         if self._is_closed:
             raise InvalidInputError("the encoder is closed; it takes no more frames")
         array = np.asarray(frame)
-        times = self._times_with(time)
+        is_timed = bool(self._times) if self.n_frames else time is not None
+        if (time is not None) != is_timed or (is_timed and self._timing.start_s):
+            raise InvalidInputError(
+                f"frame {self.n_frames} has {'no' if time is None else 'a'} time; either all "
+                "frames have one and start_s is not set, or none has"
+            )
+        if time is not None:
+            Timing.of_times([*self._times[-1:], time])  # raises unless it is above the last one
         if array.ndim != 2:
             raise InvalidInputError(f"a frame must have shape (V, 3); got {array.shape}")
         validate_vertices(array[None])
         mesh, values = self._mesh_of(array, tracks, faces, surface)
-        self._times = times
+        if time is not None:
+            self._times.append(float(time))
 
         if mesh is not self._mesh:
             if self._frames:
@@ -324,19 +332,6 @@ class Encoder:
         name = self._path or Path(str(getattr(self._file, "name", "the output file")))
         return os_errors_naming_output(name)
 
-    def _times_with(self, time: float | None) -> list[float]:
-        """Return the times of all frames with that of the next one."""
-        is_timed = bool(self._times) if self.n_frames else time is not None
-        if (time is not None) != is_timed or (is_timed and self._timing.start_s):
-            raise InvalidInputError(
-                f"frame {self.n_frames} has {'no' if time is None else 'a'} time; either all "
-                "frames have one and start_s is not set, or none has"
-            )
-        if time is None:
-            return []
-        Timing.of_times([*self._times[-1:], time])
-        return [*self._times, float(time)]
-
     def _mesh_of(
         self,
         array: Vertices,
@@ -411,12 +406,8 @@ class Encoder:
         if (default := self._config.longest_block(None, n_verts)) is not None:
             return default
         seconds = self._max_latency_s * (1 - SHARE_FOR_CODING)
-        return max(
-            1,
-            min(
-                int(seconds * (self._timing.fps or FPS_IF_UNKNOWN)), MAX_BLOCK_POSITIONS // n_verts
-            ),
-        )
+        n_frames = int(seconds * (self._timing.fps or FPS_IF_UNKNOWN))
+        return max(1, min(n_frames, MAX_BLOCK_POSITIONS // n_verts))
 
     def _code(self) -> None:
         """Start encoding the frames of a block; raises errors of the previous block."""

@@ -256,8 +256,16 @@ class StoredMeshes:
         all_sections = list(leading)
         mesh = [section for section in all_sections if section[0] in MESH_SECTIONS]
         stored, ranges = mesh, b""
+        counts = header.n_verts, header.n_faces
+        for section, payload in mesh:
+            if section is Section.EDIT:  # CONNECTIVITY then describes another mesh
+                n_verts, after = read_varint(payload, 0)
+                counts = n_verts, read_varint(payload, after)[0]
+        state, digests = blake2b(_COUNTS.pack(*counts), digest_size=16), []  # of 1, 2, ... sections
         constant = takewhile(lambda part: part[0] != Section.ATTRIBUTE_FROM_POINTS, mesh)
-        digests = _digests(_coded_counts(header, mesh), [*islice(constant, MAX_SHARED)])
+        for part in islice(constant, MAX_SHARED):
+            state.update(_without_checksum(*part))
+            digests.append(state.digest())
         n_shared = sum(digest in self._prefixes for digest in digests)
         if n_shared:
             distance = number - self._prefixes[digests[n_shared - 1]]
@@ -299,25 +307,6 @@ def _without(
     if len(numbers) + MIN_FRAMING >= saved:
         return sections, b""
     return sections[:start] + sections[start + n_shared :], numbers
-
-
-def _coded_counts(header: Header, sections: Sections) -> tuple[int, int]:
-    """Return the numbers of vertices and faces that CONNECTIVITY describes."""
-    for section, payload in sections:
-        if section is Section.EDIT:
-            n_verts, after = read_varint(payload, 0)
-            return n_verts, read_varint(payload, after)[0]
-    return header.n_verts, header.n_faces
-
-
-def _digests(counts: tuple[int, int], sections: Sections) -> list[bytes]:
-    """Return a digest of the first 1, 2, ... sections of a mesh."""
-    state = blake2b(_COUNTS.pack(*counts), digest_size=16)
-    digests = []
-    for section in sections:
-        state.update(_without_checksum(*section))
-        digests.append(state.digest())
-    return digests
 
 
 def _digest_of(sections: Sections) -> bytes:
@@ -467,8 +456,11 @@ def write_stream(*segments: Segment) -> bytes:
     if not further and len(first) == 1:
         sections = [*leading, *first[0][1]]
         is_small = sum(len(payload) for _, payload in sections) <= MAX_COMPACT
-        if is_small and len(data := _compact_stream(header, sections)) <= MAX_COMPACT:
-            return data
+        if is_small:
+            encoded = starmap(_without_checksum, [*sections, (Section.END, b"")])
+            data = _with_checksum(_header(header, is_compact=True) + b"".join(encoded))
+            if len(data) <= MAX_COMPACT:
+                return data
     file = BytesIO()
     writer = StreamWriter(file)
     for segment, sections, segment_blocks in [(header, leading, chain(first, blocks)), *further]:
@@ -477,9 +469,3 @@ def write_stream(*segments: Segment) -> bytes:
             writer.write_block(*block)
     writer.finish()
     return file.getvalue()
-
-
-def _compact_stream(header: Header, sections: list[tuple[Section, bytes]]) -> bytes:
-    """Encode a compact stream."""
-    encoded = starmap(_without_checksum, [*sections, (Section.END, b"")])
-    return _with_checksum(_header(header, is_compact=True) + b"".join(encoded))
