@@ -106,7 +106,9 @@ def encode_values(
     n_verts, n_modes = target.shape
     residuals, values = np.empty((n_modes, n_verts), np.int32), np.empty((n_verts, n_modes))
     target = np.ascontiguousarray(target)
-    core_mesh = _core_mesh(mesh, weights)
+    starts = mesh.level_starts, mesh.smooth_starts
+    arrays = map(_address, (*starts, mesh.stencil, mesh.hops, mesh.smooth, weights))
+    core_mesh = _Mesh(n_verts, len(mesh.smooth_starts), mesh.stencil.shape[1], *arrays)
     n_key = 0 if key is None else key.shape[1]
     results_and_key = map(_address, (residuals, values, key))
     n_related = 0 if related is None else related.shape[1]
@@ -168,13 +170,6 @@ def kriging_weights(
 
     in_chunks(fill, n_points, CHUNK_VERTICES)
     return weights
-
-
-def _core_mesh(mesh: Hierarchy, weights: npt.NDArray[np.float32] | None) -> _Mesh:
-    starts = mesh.level_starts, mesh.smooth_starts
-    arrays = map(_address, (*starts, mesh.stencil, mesh.hops, mesh.smooth, weights))
-    n_verts, stencil_size = mesh.stencil.shape
-    return _Mesh(n_verts, len(mesh.smooth_starts), stencil_size, *arrays)
 
 
 def _address(array: npt.NDArray[Any] | None) -> int | None:

@@ -60,11 +60,12 @@ class CorrectiveSearch:
         gram += 1e-9 * (np.trace(gram) + 1e-30) / len(targets) * np.eye(len(targets))
         matches = (values @ rest_aims.T).astype(np.float64)
         weights = np.linalg.solve(gram, matches).T.astype(np.float32)
-        errors = [
-            self._move_aims(frame, (frame_weights @ values).reshape(-1, 3), bound)
-            for frame, frame_weights in enumerate(weights)
-        ]
-        lengths = np.stack(errors)
+        lengths = np.empty(self._residuals.shape[:2], np.float32)
+        for frame, residuals in enumerate(self._residuals):
+            displacements = (weights[frame] @ values).reshape(-1, 3)
+            missing = residuals - np.einsum("vab,vb->va", self._blended[frame], displacements)
+            self._aims[frame] = residuals + extend(self._aims[frame] - residuals, missing, bound)
+            lengths[frame] = np.linalg.norm(missing, axis=1)
         mean = math.sqrt(float(np.square(lengths).mean()))
         return Correctives(targets, weights), mean, float(lengths.max())
 
@@ -91,11 +92,3 @@ class CorrectiveSearch:
         levels = np.clip(np.ceil(largest / step), MIN_LEVELS, BYTE)
         integers = np.rint(modes * (levels / largest)[:, np.newaxis]).astype(np.int8)
         return np.asarray(integers.reshape(len(modes), -1, 3))
-
-    def _move_aims(self, frame: int, displacements: Singles, bound: float) -> Singles:
-        """Move the aims of a frame, and return the error of each vertex."""
-        skinned = np.einsum("vab,vb->va", self._blended[frame], displacements)
-        missing = self._residuals[frame] - skinned
-        pulls = extend(self._aims[frame] - self._residuals[frame], missing, bound)
-        self._aims[frame] = self._residuals[frame] + pulls
-        return np.asarray(np.linalg.norm(missing, axis=1))

@@ -27,8 +27,7 @@ from meshreel.model.rig_keys import SHORT
 from meshreel.model.sequence import Faces, MeshSequence, Vertices
 from meshreel.rigging.correctives import MAX_TARGETS, CorrectiveSearch
 from meshreel.rigging.decomposition import Decomposition, Skin
-from meshreel.rigging.keys import MAX_BITS, MIN_BITS, Steps, fit_tracks
-from meshreel.rigging.skeleton import build_skeleton
+from meshreel.rigging.skeleton import MAX_BITS, MIN_BITS, Steps, build_skeleton, fit_tracks
 from meshreel.runtime.counting import counted
 from meshreel.runtime.progress import Progress, silent
 from meshreel.runtime.threads import one_blas_thread
@@ -257,7 +256,9 @@ class _Search:
         fit.add_bones(fit.component_seeds(max_bones, 0.1 * rms_limit))
         target, previous_kg, growth, n_stalled = 1.0, math.inf, MAX_GROWTH, 0
         while True:
-            residuals = self._fit_new_bones()
+            for _ in range(GROWING_ROUNDS):
+                self._round()
+            residuals = fit.residuals()
             kg, largest = self._fit_errors(residuals)
             self._show_progress((kg, largest))
             is_near = kg <= NEAR_KG * target and largest <= NEAR_LARGEST * target
@@ -280,12 +281,6 @@ class _Search:
     def _rms_limit(self) -> float:
         """Return the root mean squared error that is allowed."""
         return self._bounds.kg / 100 * self._deviation
-
-    def _fit_new_bones(self) -> Floats:
-        """Fit some rounds after new bones, and return the residuals."""
-        for _ in range(GROWING_ROUNDS):
-            self._round()
-        return self._decomposition.residuals()
 
     def _refine(self, residuals: Floats, target: float) -> Floats:
         """Fit until the errors meet the target, the worst vertices most; return the residuals."""

@@ -9,7 +9,7 @@ from meshreel.model.sequence import MeshSequence
 from meshreel.rigging.correctives import CorrectiveSearch
 from meshreel.rigging.decomposition import Decomposition, convex_weights, fit_rigid
 from meshreel.rigging.fitting import bounds_of, byte_weights, fit_sequence
-from meshreel.rigging.keys import Steps, encode_rotations, fit_tracks, to_quaternions
+from meshreel.rigging.skeleton import Steps, encode_rotations, fit_tracks, to_quaternions
 from samples.rigs import BOX, BOX_FACES, bending_tube, boxes, turn
 
 EXACT = {"max_error": 0.01, "kg": 0.01}
