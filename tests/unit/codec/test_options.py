@@ -12,7 +12,7 @@ import pytest
 import meshreel
 from meshreel.codec.config import UV_BITS_RANGE, EncoderConfig
 from meshreel.codec.encoder import encode
-from meshreel.codec.entropy.multiples import MAX_GRID_BITS
+from meshreel.codec.entropy.tables import MAX_GRID_BITS
 from meshreel.codec.method_names import METHOD_NAMES
 from meshreel.codec.option import Option, Range, numpydoc, options_of_fields, takes_fields
 from meshreel.codec.options import FAMILIES, all_options, config_of

@@ -8,7 +8,7 @@ again changes nothing.
 import numpy as np
 
 from meshreel.arrays import Integers
-from meshreel.codec.entropy.multiples import MAX_INTEGER
+from meshreel.codec.entropy.tables import MAX_INTEGER
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.model.surface import Attribute, Kind, Surface
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from meshreel.codec.entropy.multiples import (
+from meshreel.codec.entropy.tables import (
     GRID,
     MAX_INTEGER,
     UNORM8,

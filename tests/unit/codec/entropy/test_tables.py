@@ -4,21 +4,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from meshreel.codec.entropy.multiples import (
-    GRID,
-    MAX_GRID_BITS,
-    MAX_INTEGER,
-    OFFSET_GRID,
-    UNORM16,
-    values_of,
-)
 from meshreel.codec.entropy.tables import (
     ALONG_FACES,
     BIT_PATTERNS,
+    GRID,
     INTEGER,
+    MAX_GRID_BITS,
+    MAX_INTEGER,
+    OFFSET_GRID,
     ON_SURFACE,
+    UNORM16,
     encode_grid_table,
     encode_table,
+    values_of,
 )
 from meshreel.kernel.order import opposite_sides
 from meshreel.kernel.patterns import (
