@@ -380,12 +380,32 @@ def stream_info(
         Surfaces of earlier segments of the same file by their `mesh_key`; new ones are added.
     """
     file = opened.file
-    # Raises if a section is in the wrong group, on which `_sizes` relies.
+    # Raises if a section is in the wrong group, on which the sizes of blocks rely.
     groups = [
         [file.group(number, track, is_checked=False) for number in range(opened.n_blocks)]
         for track in range(1 + len(opened.tracks))
     ]
-    sizes = _sizes(file, is_checked=not is_remote)
+    header_bytes = file.info.size_bytes - file.offset
+    section_bytes, track_bytes, block_bytes = Counter[Section](), list[int](), list[int]()
+    position_ends = [block.offset + block.size_bytes for block in file.blocks]
+    for entry in file.sections(is_checked=not is_remote):
+        header_bytes = min(header_bytes, entry.offset - file.offset)
+        if entry.is_known:
+            section = Section(entry.id)
+            section_bytes[section] += entry.size_bytes
+            if section is Section.TRACK:
+                track_bytes.append(entry.size_bytes)
+            elif section is Section.BLOCK:
+                block_bytes.append(0)
+            number = len(block_bytes) - 1
+            if number >= 0 and entry.offset < position_ends[number]:
+                block_bytes[number] += entry.payload_bytes
+    budget = {"header": header_bytes}
+    for section, size_bytes in section_bytes.items():
+        if section not in (Section.BLOCK, Section.INDEX, Section.END):
+            budget[section.name.lower().replace("_", " ")] = size_bytes
+    budget["framing"] = opened.size_bytes - sum(budget.values())
+
     surfaces = {} if surfaces is None else surfaces
     if opened.mesh_key not in surfaces:
         surfaces[opened.mesh_key] = {
@@ -395,7 +415,7 @@ def stream_info(
         }
     surface = surfaces[opened.mesh_key]
     n_coordinates = opened.n_frames * opened.n_verts * 3
-    tracks = _tracks(opened, sizes.of_tracks)
+    tracks = _tracks(opened, track_bytes)
     raw_bytes = n_coordinates * opened.dtype.itemsize + opened.n_faces * 12
     raw_bytes += surface["raw_size_bytes"] + sum(track.raw_size_bytes for track in tracks)
     return StreamInfo(
@@ -412,9 +432,9 @@ def stream_info(
         n_modes=tuple(group.n_modes for group in groups[0]),
         block_frames=tuple(block.n_frames for block in file.blocks),
         size_bytes=opened.size_bytes,
-        budget_bytes=_budget(sizes, opened.size_bytes),
-        part_bytes=_parts(opened, sizes, tracks),
-        block_bytes=tuple(sizes.block_bytes),
+        budget_bytes=budget,
+        part_bytes=_parts(opened, section_bytes, tracks),
+        block_bytes=tuple(block_bytes),
         error_bound_percent=opened.error_bound_percent,
         is_lossless=opened.method == LOSSLESS,
         is_whole=opened.is_whole,
@@ -454,55 +474,17 @@ def _tracks(opened: OpenStream, section_bytes: list[int]) -> tuple[TrackInfo, ..
     return tuple(infos)
 
 
-@dataclass
-class _Sizes:
-    """Bytes of the header, kinds of sections, sections TRACK, and positions of each block."""
-
-    header: int
-    of_sections: Counter[Section]
-    of_tracks: list[int]
-    block_bytes: list[int]
-
-
-def _sizes(file: OpenFile, *, is_checked: bool) -> _Sizes:
-    """Sum up the sizes of sections; `is_checked` verifies their checksums."""
-    sizes = _Sizes(file.info.size_bytes - file.offset, Counter(), [], [])
-    position_ends = [block.offset + block.size_bytes for block in file.blocks]
-    for entry in file.sections(is_checked=is_checked):
-        sizes.header = min(sizes.header, entry.offset - file.offset)
-        if entry.is_known:
-            section = Section(entry.id)
-            sizes.of_sections[section] += entry.size_bytes
-            if section is Section.TRACK:
-                sizes.of_tracks.append(entry.size_bytes)
-            elif section is Section.BLOCK:
-                sizes.block_bytes.append(0)
-            number = len(sizes.block_bytes) - 1
-            if number >= 0 and entry.offset < position_ends[number]:
-                sizes.block_bytes[number] += entry.payload_bytes
-    return sizes
-
-
-def _budget(sizes: _Sizes, size_bytes: int) -> dict[str, int]:
-    """Return the bytes by kind of section; all others are framing."""
-    framing = (Section.BLOCK, Section.INDEX, Section.END)
-    budget = {"header": sizes.header}
-    for section, section_bytes in sizes.of_sections.items():
-        if section not in framing:
-            budget[section.name.lower().replace("_", " ")] = section_bytes
-    budget["framing"] = size_bytes - sum(budget.values())
-    return budget
-
-
-def _parts(opened: OpenStream, sizes: _Sizes, tracks: Iterable[TrackInfo]) -> dict[str, int]:
+def _parts(
+    opened: OpenStream, section_bytes: Counter[Section], tracks: Iterable[TrackInfo]
+) -> dict[str, int]:
     """Return the bytes of the parts of a stream; all others are the container."""
     blocks = sum(entry.size_bytes for entry in opened.file.blocks)
-    images = sizes.of_sections[Section.IMAGE]
+    images = section_bytes[Section.IMAGE]
     parts = {
-        "positions": blocks + sum(sizes.of_sections[section] for section in POSITIONS),
-        "connectivity": sum(sizes.of_sections[section] for section in CONNECTIVITY),
-        "order": sizes.of_sections[Section.ORDER],
-        "surface": sum(sizes.of_sections[section] for section in SURFACE_SECTIONS) - images,
+        "positions": blocks + sum(section_bytes[section] for section in POSITIONS),
+        "connectivity": sum(section_bytes[section] for section in CONNECTIVITY),
+        "order": section_bytes[Section.ORDER],
+        "surface": sum(section_bytes[section] for section in SURFACE_SECTIONS) - images,
         "images": images,
         **{f"track {track.name}": track.size_bytes for track in tracks},
     }

@@ -322,18 +322,14 @@ class Source:
         track_sections = [track.leading for track in self.tracks]
         leading = [*self.mesh.leading_sections(), *track_sections, *leading]
         if self.tracks:
-            blocks = self._with_tracks(blocks)
+            blocks = (
+                (n_frames, chain(sections, *(track.blocks[number] for track in self.tracks)))
+                for number, (n_frames, sections) in enumerate(blocks)
+            )
         if bound is not None:
             earlier = (error_bound_of(self.sequence) or 0.0) / self.frame.scale
             leading += error_bound_sections(total_bound(100.0 * bound, 100.0 * earlier))
         return write_stream((self.header, leading, blocks))
-
-    def _with_tracks(
-        self, blocks: Iterable[tuple[int, Sections]]
-    ) -> Iterator[tuple[int, Sections]]:
-        """Yield frames and sections of each block, tracks after positions."""
-        for number, (n_frames, sections) in enumerate(blocks):
-            yield n_frames, chain(sections, *(track.blocks[number] for track in self.tracks))
 
     @cached_property
     def header(self) -> Header:

@@ -373,9 +373,14 @@ class OpenFile:
         self._handle: ctypes.c_void_p = _POINTER()
         self.is_open: bool = False
         self._has_mesh = False
+        read, announce = READ(), ANNOUNCE()
+        if self._source is None:
+            read, announce = READ(self._reader.read), ANNOUNCE(self._reader.announce)
+        self._callbacks = read, announce  # kept, because the core stores their addresses
+        core_source = Source(self._source, self.source_bytes, read, None, announce)
         self.call(
             "open",
-            ctypes.byref(self._core_source()),
+            ctypes.byref(core_source),
             ctypes.byref(self._host),
             ctypes.byref(self._handle),
         )
@@ -437,14 +442,6 @@ class OpenFile:
         structure = structure_of(record)()
         _function(function)(self.handle, *arguments, ctypes.byref(structure))
         return record_of(record, structure)
-
-    def _core_source(self) -> Source:
-        if self._source is not None:
-            return Source(self._source, len(self._source), READ(), None, ANNOUNCE())
-        # Keep references, because the core stores their addresses.
-        self._callbacks = READ(self._reader.read), ANNOUNCE(self._reader.announce)
-        read, announce = self._callbacks
-        return Source(None, self.source_bytes, read, None, announce)
 
     def _describe(self) -> None:
         structure = structure_of(FileInfo).from_address(_function("info_of")(self.handle))

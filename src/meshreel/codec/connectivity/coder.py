@@ -123,29 +123,20 @@ def encode_mesh(
 ) -> CodedConnectivity:
     """Encode the cells of a mesh, or its faces if it has no cells.
 
-    Raises
-    ------
-    InvalidInputError
-        As `encode_connectivity` and `encode_cells`.
-    """
-    if cells is None:
-        return encode_connectivity(faces, n_verts, order=order)
-    return _encode_cells(cells, n_verts, order=order)
-
-
-def _encode_cells(cells: Cells, n_verts: int, *, order: str) -> CodedConnectivity:
-    """Encode cells as a list or as a walk from cell to cell, whichever is smaller.
+    Cells are a list or a walk from cell to cell, whichever is smaller.
 
     Parameters
     ----------
-    order : {"keep", "drop"}
-        Preserve the order of cells and vertices, or only the cells with their nodes renumbered.
+    order : {"keep", "vertices", "drop"}
+        As of `encode_connectivity`; for cells, "keep" or "drop".
 
     Raises
     ------
     InvalidInputError
-        If the order is "vertices".
+        As `encode_connectivity` and `encode_cells`, or if the order of cells is "vertices".
     """
+    if cells is None:
+        return encode_connectivity(faces, n_verts, order=order)
     if order not in ("keep", "drop"):
         raise InvalidInputError(
             Keyword("order"), f" of a mesh of cells is keep or drop; got {order!r}"
