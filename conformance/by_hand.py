@@ -42,13 +42,11 @@ from meshreel.codec.bitstream.container import (
 )
 from meshreel.codec.bitstream.layout import MAX_NAME_BYTES, Section, VertexType
 from meshreel.codec.connectivity.coder import encode_connectivity
-from meshreel.codec.corrections import Corrections
 from meshreel.codec.entropy import tables
-from meshreel.codec.reel.normative.blocks import write_field_block, write_track_block
+from meshreel.codec.reel.normative.blocks import Corrections, write_field_block, write_track_block
 from meshreel.codec.reel.normative.expected import MovingSurface
 from meshreel.codec.reel.normative.fields import FieldBlock, Layout
-from meshreel.codec.reel.normative.graphs import item_graph
-from meshreel.codec.reel.normative.mesh import FieldMesh
+from meshreel.codec.reel.normative.mesh import FieldMesh, item_graph
 from meshreel.codec.tracks import Coding, TrackHeader, write_track
 from meshreel.kernel.basis import NO_REST, BasisCoding, Rests
 from meshreel.kernel.cells import encode_cells

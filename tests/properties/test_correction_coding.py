@@ -7,9 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from meshreel.codec.bitstream.layout import Section
-from meshreel.codec.corrections import Corrections
 from meshreel.codec.encoder import encode
-from meshreel.codec.reel.normative.blocks import write_corrections
+from meshreel.codec.reel.normative.blocks import Corrections, write_corrections
 from meshreel.kernel.files import FrameDecoder, OpenFile
 from samples.costs import draws
 from samples.meshes import waving_grid

@@ -10,15 +10,13 @@ import numpy as np
 from meshreel.arrays import Floats, Integers, Vertices
 from meshreel.codec.bitstream.container import error_bound_sections
 from meshreel.codec.bitstream.layout import Section
-from meshreel.codec.corrections import Corrections
 from meshreel.codec.reel.encoding.analysis import AnalyzedFields, FieldChoices, analyze_fields
 from meshreel.codec.reel.encoding.block_frames import BlockFrames
 from meshreel.codec.reel.encoding.corrections import corrections_of_block
 from meshreel.codec.reel.encoding.effort import choices_of
-from meshreel.codec.reel.normative.blocks import write_field_block
+from meshreel.codec.reel.normative.blocks import Corrections, write_field_block
 from meshreel.codec.reel.normative.fields import FieldBlock
-from meshreel.codec.reel.normative.graphs import ItemGraph
-from meshreel.codec.reel.normative.mesh import FieldMesh
+from meshreel.codec.reel.normative.mesh import FieldMesh, ItemGraph
 from meshreel.codec.reel_options import ReelOptions
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.subspace.trajectories import BoundingFrame

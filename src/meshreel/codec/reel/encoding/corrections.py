@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from meshreel.arrays import Floats
-from meshreel.codec.corrections import Corrections
 from meshreel.codec.reel.encoding.block_frames import BlockFrames
+from meshreel.codec.reel.normative.blocks import Corrections
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.kernel.frames import JointFrames
 

@@ -1,7 +1,6 @@
 """Encoder parameters of efforts and tunes."""
 
 import math
-from dataclasses import dataclass
 
 from meshreel.codec.reel.encoding.analysis import FieldChoices
 from meshreel.codec.reel.encoding.block_frames import LARGEST_INTEGER
@@ -11,15 +10,19 @@ from meshreel.codec.targets import Target, TargetKind
 STEPS_OF_BOUND = 7.0
 """Ratio of an error bound to the first step tried; corrections of rare larger errors are cheap."""
 
-
-@dataclass(frozen=True)
-class Effort:
-    """Encoder parameters of an effort; decoding takes longer with higher efforts too."""
-
-    stencil_size: int
-    """Number of vertices that predict one."""
-    n_learned: int
-    """Number of modes that prediction weights adapt to."""
+EFFORTS = {
+    1: (6, 4),
+    2: (6, 8),
+    3: (8, 12),
+    4: (12, 16),
+    5: (16, 32),
+    6: (16, 48),
+    7: (16, 64),
+    8: (16, 128),
+    9: (16, 255),
+}
+"""Number of vertices that predict one, and of modes that prediction weights adapt to, by effort.
+Decoding takes longer with higher efforts too."""
 
 
 def tune_named(name: str | None, target: Target) -> Tune:
@@ -30,19 +33,6 @@ def tune_named(name: str | None, target: Target) -> Tune:
     return Tune.GEOMETRY if is_geometric else Tune.VISUAL
 
 
-EFFORTS = {
-    1: Effort(6, 4),
-    2: Effort(6, 8),
-    3: Effort(8, 12),
-    4: Effort(12, 16),
-    5: Effort(16, 32),
-    6: Effort(16, 48),
-    7: Effort(16, 64),
-    8: Effort(16, 128),
-    9: Effort(16, 255),
-}
-
-
 def choices_of(config: ReelOptions) -> FieldChoices:
     """Return the encoder parameters of options; the step is still to be set."""
     effort = DEFAULT_EFFORT if config.effort is None else config.effort
@@ -51,7 +41,7 @@ def choices_of(config: ReelOptions) -> FieldChoices:
 
 def choices_for(effort: int, tune: Tune, n_modes: int | None) -> FieldChoices:
     """Return the encoder parameters of an effort and a tune; the step is still to be set."""
-    parameters = EFFORTS[int(effort)]
+    stencil_size, n_learned = EFFORTS[int(effort)]
     is_visual = tune is not Tune.GEOMETRY
     return FieldChoices(
         position_step=1.0,
@@ -60,8 +50,8 @@ def choices_for(effort: int, tune: Tune, n_modes: int | None) -> FieldChoices:
         least_rms=0.8 if is_visual else 0.5,
         feedback_gain=0.6 if is_visual else 0.5,
         n_shaped_resolutions=2 if is_visual else 1,
-        stencil_size=parameters.stencil_size,
-        n_learned=parameters.n_learned,
+        stencil_size=stencil_size,
+        n_learned=n_learned,
         slides=tune is Tune.SURFACE,
     )
 

@@ -9,7 +9,7 @@ from meshreel.arrays import Integers, Values
 from meshreel.codec.bitstream.layout import Order
 from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.codec.corner_rows import number_rows, write_corner_rows
-from meshreel.codec.reel.normative.graphs import ItemGraph, item_graph
+from meshreel.codec.reel.normative.mesh import ItemGraph, item_graph
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.surface.rows import distinct_rows
 from meshreel.codec.tracks import Sharing

@@ -26,9 +26,8 @@ from meshreel.codec.reel.normative.blocks import (
     write_values_block,
 )
 from meshreel.codec.reel.normative.expected import MovingSurface
-from meshreel.codec.reel.normative.graphs import ItemGraph, item_graph
 from meshreel.codec.reel.normative.grid import MAX_COORDINATE, PositionGrid
-from meshreel.codec.reel.normative.mesh import FieldMesh
+from meshreel.codec.reel.normative.mesh import FieldMesh, ItemGraph, item_graph
 from meshreel.codec.reel.normative.points import ItemPoints, PointWeights, nugget_of
 from meshreel.codec.reel_options import DEFAULT_EFFORT, ReelOptions, Tune
 from meshreel.codec.source import CodedMesh
@@ -495,30 +494,27 @@ def _points_of(track: TrackSource, mesh: CodedMesh) -> ItemPoints:
 def _graph_of(name: str, track: TrackSource, mesh: CodedMesh) -> tuple[ItemGraph, Integers | None]:
     if isinstance(track, SharedTrack):
         return track.graph, track.order
-    key = ItemGraph, track.domain
-    if key not in mesh.derived:
-        mesh.derived[key] = _unshared_graph(name, track, mesh)
-    graph, order = mesh.derived[key]
-    return graph, order
-
-
-def _unshared_graph(
-    name: str, track: TrackSource, mesh: CodedMesh
-) -> tuple[ItemGraph, Integers | None]:
-    if track.domain is Domain.VERTEX:
-        return ItemGraph(mesh.links, mesh.n_verts), mesh.order
-    if track.domain is Domain.CELL and mesh.order_kept is Order.DROP:
-        graph = item_graph(Domain.CELL, mesh.faces, mesh.cell_surface, mesh.n_verts)
-        return graph, mesh.cell_order
-    surface = mesh.surface
+    domain, surface, order_kept = track.domain, mesh.surface, mesh.order_kept
+    key = ItemGraph, domain
+    if key in mesh.derived:
+        graph, order = mesh.derived[key]
+        return graph, order
     is_plain = surface.cells is None and surface.face_sizes is None
-    if track.domain is Domain.FACE and mesh.order_kept is Order.DROP and is_plain:
-        return item_graph(Domain.FACE, mesh.faces, surface, mesh.n_verts), mesh.face_order
-    if mesh.order_kept is not Order.KEEP:
+    if domain is Domain.VERTEX:
+        graph, order = ItemGraph(mesh.links, mesh.n_verts), mesh.order
+    elif domain is Domain.CELL and order_kept is Order.DROP:
+        graph = item_graph(Domain.CELL, mesh.faces, mesh.cell_surface, mesh.n_verts)
+        order = mesh.cell_order
+    elif domain is Domain.FACE and order_kept is Order.DROP and is_plain:
+        graph = item_graph(Domain.FACE, mesh.faces, surface, mesh.n_verts)
+        order = mesh.face_order
+    elif order_kept is Order.KEEP:
+        graph, order = item_graph(domain, mesh.output_faces, surface, mesh.n_verts), None
+    else:
         raise InvalidInputError(
-            f"track {name!r} has a value per {track.domain}, whose order would be lost; keep it (",
+            f"track {name!r} has a value per {domain}, whose order would be lost; keep it (",
             Keyword("order", "keep"),
             "), or drop the track",
         )
-    graph = item_graph(track.domain, mesh.output_faces, surface, mesh.n_verts)
-    return graph, None
+    mesh.derived[key] = graph, order
+    return graph, order

@@ -1,20 +1,22 @@
 """Sections of a block of `reel`, `lossless` and `grid`, laid out as in `docs/format.md`."""
 
 import struct
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats, Integers
 from meshreel.codec.bitstream.container import write_block_counts, write_varint, write_varints
 from meshreel.codec.bitstream.layout import Section
-from meshreel.codec.corrections import Corrections
 from meshreel.codec.reel.normative.fields import FieldBlock, Layout
 from meshreel.codec.reel.normative.grid import EXACT, ON_SURFACE, STILL, write_form
 from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.kernel.basis import BY_TIMES, BasisCoding, Rests, time_order
 from meshreel.kernel.exact import encode_exact
 from meshreel.kernel.fields import encode_fields
+from meshreel.kernel.frames import FrameCorrections
 from meshreel.kernel.integers import encode_integers
 from meshreel.kernel.mesh import Neighbors
 from meshreel.kernel.surface_integers import encode_on_surface
@@ -39,6 +41,38 @@ WITH_RELATED = 32
 
 FROM_POINTS = 128
 """Flag of the layout: the initial weights of the fields follow from points."""
+
+
+@dataclass(frozen=True)
+class Corrections:
+    """Displacements of positions of a block, as multiples of a step; they guarantee an error bound.
+
+    Positions that violate the bound cluster in vertices and runs of frames, and are coded
+    accordingly.
+    """
+
+    step: np.float32
+    """Quantization step of the displacements, in diagonals."""
+    vertices: Integers
+    frames: Integers
+    """int64 arrays of shape (N,). Internal vertex numbers and frames of the block, ordered by
+    vertex, then frame.
+    """
+    offsets: Integers
+    """int64 array of shape (N, 3)."""
+
+    @property
+    def displacements(self) -> Floats:
+        """Displacements of shape (N, 3), in diagonals."""
+        return np.asarray(self.offsets * float(self.step))
+
+    def by_frame(self, n_frames: int) -> FrameCorrections:
+        """Group the displacements by frame, with ascending vertices."""
+        order = np.lexsort((self.vertices, self.frames))
+        starts = np.searchsorted(self.frames[order], np.arange(n_frames + 1))
+        vertices = self.vertices[order].astype(np.int32)
+        displacements = np.ascontiguousarray(self.displacements[order])
+        return FrameCorrections(starts.astype(np.int64), vertices, displacements)
 
 
 def write_field_block(

@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from meshreel.codec.corrections import Corrections
 from meshreel.codec.reel.encoding import corrections as module
 from meshreel.codec.reel.encoding.block_frames import BlockFrames
 from meshreel.codec.reel.encoding.corrections import (
@@ -13,6 +12,7 @@ from meshreel.codec.reel.encoding.corrections import (
     corrections_of_block,
     find_corrections,
 )
+from meshreel.codec.reel.normative.blocks import Corrections
 from meshreel.codec.subspace.trajectories import BoundingFrame
 
 

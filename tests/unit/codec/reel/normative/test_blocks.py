@@ -8,10 +8,10 @@ import pytest
 
 from meshreel.codec.bitstream.container import write_varint
 from meshreel.codec.bitstream.layout import Section
-from meshreel.codec.corrections import Corrections
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.reel.normative import blocks
+from meshreel.codec.reel.normative.blocks import Corrections
 from meshreel.codec.reel.normative.fields import Layout
 from meshreel.errors import CorruptStreamError
 from meshreel.kernel.basis import BasisCoding, Rests
