@@ -27,7 +27,14 @@ from meshreel.model.rig_keys import SHORT
 from meshreel.model.sequence import Faces, MeshSequence, Vertices
 from meshreel.rigging.correctives import MAX_TARGETS, CorrectiveSearch
 from meshreel.rigging.decomposition import Decomposition, Skin
-from meshreel.rigging.skeleton import MAX_BITS, MIN_BITS, Steps, build_skeleton, fit_tracks
+from meshreel.rigging.skeleton import (
+    MAX_BITS,
+    MIN_BITS,
+    Steps,
+    build_skeleton,
+    fit_tracks,
+    round_to,
+)
 from meshreel.runtime.counting import counted
 from meshreel.runtime.progress import Progress, silent
 from meshreel.runtime.threads import one_blas_thread
@@ -426,11 +433,6 @@ class _Search:
             return self._with_errors(replace(rig, correctives=best))
         best_rig = replace(rig, coordinates=coordinates.astype(np.int16), correctives=correctives)
         return self._with_errors(best_rig)
-
-
-def round_to(values: Floats, exponent: int) -> Floats:
-    """Return values rounded to multiples of 2 to the power of an exponent."""
-    return np.asarray(np.ldexp(np.rint(np.ldexp(values, -exponent)), exponent) + 0.0)
 
 
 def _percent(value: float, reference: float) -> float:

@@ -164,14 +164,13 @@ def fit_tracks(
     poses_hat: list[Floats] = []
     tracks = []
     for bone, parent in enumerate(skeleton.parents.tolist()):
-        matrices = at_joint(transforms[:, bone], skeleton.joints[bone])
+        matrices = transforms[:, bone].copy()  # from the joint of the bone
+        matrices[:, :, 3] += matrices[:, :, :3] @ skeleton.joints[bone]
         parent_pose = poses_hat[parent] if parent >= 0 else None
         local = matrices if parent_pose is None else relative_to(parent_pose, matrices)
         quaternions = to_quaternions(local[:, :, :3])
         codes = encode_rotations(quaternions, steps.bits)
-        # Adding 0 replaces -0, which takes more bytes.
-        multiples = np.rint(np.ldexp(local[:, :, 3], -steps.exponent))
-        translations = np.ldexp(multiples, steps.exponent) + 0
+        translations = round_to(local[:, :, 3], steps.exponent)
         keys = np.arange(len(times_s))
         # The keys of the root tell readers the times of all frames.
         if parent_pose is not None and len(keys) > 1:
@@ -184,11 +183,10 @@ def fit_tracks(
     return tuple(tracks)
 
 
-def at_joint(transforms: Floats, joint: Floats) -> Floats:
-    """Return the transforms of a bone whose origin is its joint."""
-    moved = transforms.copy()
-    moved[:, :, 3] += transforms[:, :, :3] @ joint
-    return moved
+def round_to(values: Floats, exponent: int) -> Floats:
+    """Return values rounded to multiples of 2 to the power of an exponent."""
+    # Adding 0 replaces -0, which takes more bytes.
+    return np.asarray(np.ldexp(np.rint(np.ldexp(values, -exponent)), exponent) + 0.0)
 
 
 def relative_to(parent_pose: Floats, transforms: Floats) -> Floats:
