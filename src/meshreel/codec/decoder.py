@@ -32,8 +32,9 @@ FRAMES_PER_REPORT = 256
 FACE_BYTES = 12
 
 TINY_POSITIONS, SMALL_POSITIONS = 1 << 10, 1 << 20
-"""Numbers of positions between which a segment is decoded in parallel with others; the encoder uses
-the same limits (`codec.reel.encoding.segments`)."""
+"""Segments with numbers of positions between these are coded in parallel. Larger ones are coded one
+at a time on all cores; tiny ones one at a time on one, since their threads would mostly wait for
+the interpreter's lock."""
 
 
 def decode(

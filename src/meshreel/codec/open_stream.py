@@ -142,16 +142,12 @@ class OpenStream:
         offsets = (section.offset for section in self.file.leading if section.id in MESH_SECTIONS)
         return self.order_kept, *sorted(offsets)
 
-    @property
-    def has_surface(self) -> bool:
-        """Whether the stream stores more of the surface than triangles."""
-        ids = map(attrgetter("id"), self.file.leading)
-        return not {Section.CELLS, *SURFACE_SECTIONS}.isdisjoint(ids)
-
     @cached_property
     def surface(self) -> Surface:
         """Polygons, attributes, groups, hard edges, parts and materials of the mesh."""
-        return decoded_surface(self.file) if self.has_surface else PLAIN
+        ids = map(attrgetter("id"), self.file.leading)
+        is_plain = {Section.CELLS, *SURFACE_SECTIONS}.isdisjoint(ids)
+        return PLAIN if is_plain else decoded_surface(self.file)
 
     def payload(self, section: FileSection) -> bytes:
         """Read the payload of a section."""

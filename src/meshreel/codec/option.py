@@ -136,13 +136,9 @@ class Option:
     @property
     def types(self) -> tuple[Any, ...]:
         """Types of a value, except None."""
-        allowed = get_args(self.annotation) if self.has_several_types else (self.annotation,)
+        is_union = get_origin(self.annotation) in (Union, UnionType)
+        allowed = get_args(self.annotation) if is_union else (self.annotation,)
         return tuple(kind for kind in allowed if kind is not type(None))
-
-    @property
-    def has_several_types(self) -> bool:
-        """Whether the annotation is a union."""
-        return get_origin(self.annotation) in (Union, UnionType)
 
     def help_naming(self, name_of: Callable[[str], str]) -> str:
         """Return the help; `name_of` returns the names of other options in it."""

@@ -15,6 +15,7 @@ from meshreel.codec.bitstream.container import (
     Header,
     Sections,
     error_bound_sections,
+    payload_bytes,
     write_stream,
     write_varints,
 )
@@ -209,8 +210,7 @@ class CodedTrack:
     @property
     def size_bytes(self) -> int:
         """Size of all payloads."""
-        sections = [self.leading, *chain.from_iterable(self.blocks)]
-        return sum(len(payload) for _, payload in sections)
+        return payload_bytes([self.leading, *chain.from_iterable(self.blocks)])
 
 
 @dataclass(frozen=True)

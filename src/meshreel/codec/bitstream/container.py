@@ -129,6 +129,11 @@ def read_block_counts(payload: bytes) -> tuple[int, int]:
     return n_frames, n_modes
 
 
+def payload_bytes(sections: Sections) -> int:
+    """Return the bytes of the payloads of sections."""
+    return sum(len(payload) for _, payload in sections)
+
+
 def write_sections(sections: Sequence[tuple[Section, bytes]]) -> list[bytes]:
     """Encode each section: id, length, payload, and a checksum of all three."""
     return [_with_checksum(_without_checksum(*section)) for section in sections]
@@ -455,8 +460,7 @@ def write_stream(*segments: Segment) -> bytes:
     first = [(n_frames, list(sections)) for n_frames, sections in islice(blocks, 2)]
     if not further and len(first) == 1:
         sections = [*leading, *first[0][1]]
-        is_small = sum(len(payload) for _, payload in sections) <= MAX_COMPACT
-        if is_small:
+        if payload_bytes(sections) <= MAX_COMPACT:
             encoded = starmap(_without_checksum, [*sections, (Section.END, b"")])
             data = _with_checksum(_header(header, is_compact=True) + b"".join(encoded))
             if len(data) <= MAX_COMPACT:

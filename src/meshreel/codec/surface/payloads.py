@@ -28,7 +28,7 @@ from meshreel.model.cells import Cells
 from meshreel.model.geometry.hard_edges import hard_flags, shared_edges
 from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.geometry.triangles import matching_corners
-from meshreel.model.materials import SLOTS, Image, Material, Texture
+from meshreel.model.materials import SLOTS, Material, Texture
 from meshreel.model.notes import Note, NoteKind
 from meshreel.model.surface import PLAIN, VALUE_TYPES, Attribute, Domain, Surface
 
@@ -102,7 +102,7 @@ def surface_sections(
     for material in surface.materials:
         yield Section.MATERIAL, write_material(material)
     for image in surface.images:
-        yield Section.IMAGE, write_image(image)
+        yield Section.IMAGE, write_text(image.name) + write_text(image.mime_type) + image.data
 
 
 def surface_in_order(
@@ -283,11 +283,6 @@ def write_material(material: Material) -> bytes:
         payload += bytes([channels, wraps, magnified | shrunk << 4])
         payload += _write_numbers(texture, Texture(0), TEXTURE_NUMBERS)
     return payload
-
-
-def write_image(image: Image) -> bytes:
-    """Encode an image: its name, type, and unchanged bytes."""
-    return write_text(image.name) + write_text(image.mime_type) + image.data
 
 
 def _write_numbers(appearance: Appearance, default: Appearance, sizes: dict[str, int]) -> bytes:

@@ -11,9 +11,8 @@ from meshreel.arrays import Floats, Integers
 from meshreel.codec.reel.encoding.basis_coding import choose_coding, geometric_bits
 from meshreel.codec.reel.encoding.block_frames import CHUNK_VERTICES, LARGEST_INTEGER, BlockFrames
 from meshreel.codec.reel.encoding.surface_errors import surface_forms
-from meshreel.codec.reel.normative.fields import FieldBlock, Layout, decode_basis, with_reused
+from meshreel.codec.reel.normative.fields import FieldBlock, Layout, PointWeights, decode_basis
 from meshreel.codec.reel.normative.mesh import FieldMesh
-from meshreel.codec.reel.normative.points import PointWeights
 from meshreel.kernel.basis import BasisCoding, basis_vectors, lengths_of, quantized_basis
 from meshreel.kernel.frames import JointFrames
 from meshreel.kernel.predict import Choice, encode_values
@@ -184,10 +183,10 @@ def _encode_fields(
         target = np.empty((frames.n_verts, 0))
         residuals, new_fields = np.empty((0, frames.n_verts), np.int32), target
     values = new_fields
-    if reused is not None:
+    if reused is not None and key is not None:
         basis = np.concatenate([reused, basis])
         vectors = decode_basis(basis, layout, key)
-        values = with_reused(values, layout.n_reused, key)
+        values = np.concatenate([key[:, : layout.n_reused], new_fields], axis=1)
     decoded = JointFrames(vectors, values, step, mesh.number, layout.is_single)
     return AnalyzedFields(FieldBlock(layout, basis, residuals), decoded, new_fields, target, frames)
 

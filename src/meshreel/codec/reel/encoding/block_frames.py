@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
-from meshreel.codec.reel.normative.points import PointWeights
+from meshreel.codec.reel.normative.fields import PointWeights
 from meshreel.codec.subspace.pca import fix_signs, gram_of_rows, truncated_pca
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.kernel.frames import coordinate_rows

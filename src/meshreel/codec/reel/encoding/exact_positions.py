@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Vertices
 from meshreel.codec.achieved import require_exact
-from meshreel.codec.bitstream.container import error_bound_sections
+from meshreel.codec.bitstream.container import error_bound_sections, payload_bytes
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.reel.encoding.following_tracks import FollowingTracks
 from meshreel.codec.reel.encoding.stored_grid import grid_of_frame
@@ -87,7 +87,7 @@ class ExactPositionCoder(PositionCoder):
         if rounding is None or np.abs(coordinates).max() > MAX_VALUE:
             return exact
         on_grid = write_on_surface(coordinates, self.grid.step, *self.faces_and_twins, rounding)
-        return min(exact, on_grid, key=size_bytes)
+        return min(exact, on_grid, key=payload_bytes)
 
 
 def encode(source: Source, progress: Progress) -> bytes:
@@ -109,11 +109,6 @@ def encode(source: Source, progress: Progress) -> bytes:
     progress("verifying", 0.0)
     require_exact(source.sequence, data)
     return data
-
-
-def size_bytes(sections: list[tuple[Section, bytes]]) -> int:
-    """Bytes of the payloads of sections."""
-    return sum(len(payload) for _, payload in sections)
 
 
 def stream_of(source: Source, coder: PositionCoder, progress: Progress) -> bytes:

@@ -14,13 +14,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from meshreel.arrays import Vertices
+from meshreel.codec.bitstream.container import payload_bytes
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.reel.encoding.block_frames import largest_rounding
 from meshreel.codec.reel.encoding.exact_positions import (
     FacesAndTwins,
     PositionCoder,
-    size_bytes,
     stream_of,
     stream_of_positions,
 )
@@ -108,7 +108,7 @@ class GridPositionCoder(PositionCoder):
         if len(vertices) > 1 and meets_bound:
             form = write_form(EXACT, step)
             candidates.append(write_exact_positions(coordinates, self.graph, form))
-        return min(candidates, key=size_bytes)
+        return min(candidates, key=payload_bytes)
 
     def _meets_bound(self, coordinates: Coordinates, vertices: Vertices) -> bool:
         if self.bound is None:
@@ -219,7 +219,7 @@ class GridBids:
 
         Those with the lowest estimate come first. Options that require modes exclude them.
         """
-        bids = (self.of_target, self.of_stored_grid) if _takes_grid(self._config) else ()
+        bids = (self.of_target, self.of_stored_grid) if _takes_grid(self.source.config) else ()
         for bid in sorted(filter(None, bids), key=lambda bid: bid.estimated_bytes):
             if bid.estimated_bytes < self.n_bytes:
                 yield stream_of_positions(bid.source, bid.coder, progress), bid.source
@@ -274,15 +274,11 @@ class GridBids:
             return source.with_changes(origin=coarse.frame.origin), replace(coder, grid=coarse)
         return source, coder
 
-    @cached_property
-    def _config(self) -> ReelOptions:
-        config = self.source.config
-        assert isinstance(config, ReelOptions)  # the options of this method
-        return config
-
     @property
     def _target(self) -> TargetKind:
-        return self._config.target.kind
+        config = self.source.config
+        assert isinstance(config, ReelOptions)  # the options of this method
+        return config.target.kind
 
     @cached_property
     def _stored_grid(self) -> PositionGrid | None:

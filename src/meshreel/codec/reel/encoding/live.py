@@ -12,7 +12,7 @@ import numpy as np
 
 from meshreel.arrays import Values, Vertices
 from meshreel.codec.achieved import require_same_bits
-from meshreel.codec.bitstream.container import Sections
+from meshreel.codec.bitstream.container import Sections, payload_bytes
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.method_names import LOSSLESS
 from meshreel.codec.methods import LiveStart
@@ -85,7 +85,7 @@ class FirstBlock:
     def size_bytes(self, step: float, bound: float) -> float:
         """Return the bytes of the block for a step, with corrections that keep a bound."""
         coded = self.coder.with_step(max(FINEST_STEP, step), bound).code(self._frames)
-        return float(sum(len(payload) for _, payload in coded.sections))
+        return float(payload_bytes(coded.sections))
 
     def measure(self, step: float) -> float:
         """Unused: `check_live` rejects targets that limit a measured quantity."""

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import count
 
+from meshreel.codec.decoder import SMALL_POSITIONS, TINY_POSITIONS
 from meshreel.codec.joining import join_streams
 from meshreel.codec.reel.encoding import whole
 from meshreel.codec.reel.encoding.block_coder import KgMeter
@@ -15,11 +16,6 @@ from meshreel.codec.source import Source
 from meshreel.codec.targets import TargetKind
 from meshreel.runtime.progress import Count, Progress, report_try, silent
 from meshreel.runtime.threads import results_in_order
-
-TINY_POSITIONS, SMALL_POSITIONS = 1 << 10, 1 << 20
-"""Segments with numbers of positions between these are coded in parallel. Larger ones are coded one
-at a time on all cores; tiny ones one at a time on one, since their threads would mostly wait for
-the interpreter's lock."""
 
 EncodeOne = Callable[[Source, Progress], bytes]
 
@@ -58,7 +54,12 @@ def encode_segments(
     def encode_one(source: Source) -> tuple[bytes, int]:
         if _n_positions(source) <= SMALL_POSITIONS:
             return encode(source, silent), source.n_frames
-        report = _after(progress, n_done, source.n_frames, total)
+
+        def report(stage: str, share: float) -> None:
+            if stage.partition(",")[0] in ("encoding", "measuring"):
+                n_coded = n_done + int(share * source.n_frames)
+                progress(stage, Count(n_coded, total, "frames"))
+
         return encode(source, report), source.n_frames
 
     progress("encoding", Count(n_done, total, "frames"))
@@ -70,16 +71,6 @@ def encode_segments(
 
 def _is_parallel(source: Source) -> bool:
     return TINY_POSITIONS < _n_positions(source) <= SMALL_POSITIONS
-
-
-def _after(progress: Progress, n_done: int, n_frames: int, total: int) -> Progress:
-    """Return a callback for a segment of `n_frames` that reports the frames of all."""
-
-    def report(stage: str, share: float) -> None:
-        if stage.partition(",")[0] in ("encoding", "measuring"):
-            progress(stage, Count(n_done + int(share * n_frames), total, "frames"))
-
-    return report
 
 
 def _common_step(sources: Sequence[Source], progress: Progress) -> float:

@@ -8,13 +8,14 @@ from itertools import chain
 import numpy as np
 
 from meshreel.arrays import Floats, Values, Vertices
+from meshreel.codec.bitstream.container import payload_bytes
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.reel.encoding.analysis import field_targets
 from meshreel.codec.reel.encoding.effort import STEPS_OF_BOUND
 from meshreel.codec.reel.encoding.rate_control import estimated_bytes, least_cost, sampled
 from meshreel.codec.reel.encoding.track_coders import CodedValues, PreparedValues, TrackCoder
+from meshreel.codec.reel.normative.fields import PointWeights
 from meshreel.codec.reel.normative.mesh import FieldMesh
-from meshreel.codec.reel.normative.points import PointWeights
 from meshreel.codec.source import CodedTrack
 from meshreel.model.tracks import KIND_ROWS, TrackSource
 
@@ -229,8 +230,7 @@ class StepSearch:
         if n_sampled < n_frames:
             # A copy, as a coder remembers its key block.
             sections = replace(coder).code_prepared(self._prepare(slice(0, n_sampled))).sections
-            sampled_bytes = sum(len(payload) for _, payload in sections)
-            if sampled_bytes * n_frames > size_bytes * n_sampled:
+            if payload_bytes(sections) * n_frames > size_bytes * n_sampled:
                 return None
         blocks = self._coded_by(coder, self._pieces)
         if self._coded_track(blocks).size_bytes >= size_bytes:
@@ -276,7 +276,7 @@ class StepSearch:
     def _size_bytes(self, step: float) -> float:
         if step not in self._trials:
             blocks = self._coded_by(self._coder.with_step(step), self._sampled)
-            sizes = [sum(len(payload) for _, payload in block.sections) for block in blocks]
+            sizes = [payload_bytes(block.sections) for block in blocks]
             sections = chain.from_iterable(block.sections for block in blocks)
             corrections = sum(len(data) for name, data in sections if name is Section.CORRECTIONS)
             size = estimated_bytes(sizes, len(self._pieces))

@@ -26,9 +26,9 @@ from meshreel.codec.reel.normative.blocks import (
     write_values_block,
 )
 from meshreel.codec.reel.normative.expected import MovingSurface
+from meshreel.codec.reel.normative.fields import ItemPoints, PointWeights, nugget_of
 from meshreel.codec.reel.normative.grid import MAX_COORDINATE, PositionGrid
 from meshreel.codec.reel.normative.mesh import FieldMesh, ItemGraph, item_graph
-from meshreel.codec.reel.normative.points import ItemPoints, PointWeights, nugget_of
 from meshreel.codec.reel_options import DEFAULT_EFFORT, ReelOptions, Tune
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.subspace.trajectories import BoundingFrame, single_below, stored_frame

@@ -8,7 +8,7 @@ from itertools import chain, starmap
 import numpy as np
 
 from meshreel.codec.achieved import measure_stream, measure_tracks
-from meshreel.codec.bitstream.container import Sections
+from meshreel.codec.bitstream.container import Sections, payload_bytes
 from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.reel.encoding import grid_positions
 from meshreel.codec.reel.encoding.block_coder import FieldBlockCoder, KeyedBlocks, KgMeter, coder_of
@@ -196,10 +196,11 @@ class RateSearch:
         """
         step, pieces = self._limited(step), self._sampled
         if len(pieces) == len(self._source.pieces):
-            return sum(_size_bytes(sections) for _, sections in self._coded_blocks(step, bound))
-        blocks = KeyedBlocks(self._coder.with_step(step, bound))
-        coded = (blocks.code(frames).sections for frames in self._read_blocks(pieces))
-        return estimated_bytes(list(map(_size_bytes, coded)), len(self._source.pieces))
+            blocks = self._coded_blocks(step, bound)
+            return sum(len(payload) for _, sections in blocks for _, payload in sections)
+        keyed = KeyedBlocks(self._coder.with_step(step, bound))
+        coded = (keyed.code(frames).sections for frames in self._read_blocks(pieces))
+        return estimated_bytes(list(map(payload_bytes, coded)), len(self._source.pieces))
 
     def measure(self, step: float) -> float:
         """Return the KG error or the bytes for a step."""
@@ -331,7 +332,3 @@ class RateSearch:
         else:
             number = 1 + len(self._coded) + len(self._errors)
             report_try(self._progress, number, n_done / self._n_frames)
-
-
-def _size_bytes(sections: Sections) -> int:
-    return sum(len(payload) for _, payload in sections)
