@@ -13,7 +13,6 @@ mixed, cannot read binary lists of varying length, and raises numpy errors on da
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from meshreel.arrays import Values
 from meshreel.errors import FormatError
@@ -21,8 +20,7 @@ from meshreel.formats.frames.field_tracks import NORMALS as NORMALS_ROLE
 from meshreel.formats.frames.field_tracks import NORMALS_NAME, Field, Key
 from meshreel.formats.frames.frame import Frame
 from meshreel.formats.kinds import VERTEX_FACE_CORNER, FrameFormat
-from meshreel.formats.meshes.ply_header import PlyProperty, read_ply_header
-from meshreel.formats.meshes.ply_tables import PlyTable, read_ply_tables
+from meshreel.formats.meshes.ply_tables import PlyProperty, PlyTable, read_ply_tables
 from meshreel.formats.meshes.ply_writing import (
     COLOR_NAMES,
     CORNER_UV_NAME,
@@ -47,13 +45,20 @@ def read_ply(data: bytes) -> Frame:
         If the header is invalid, rows or faces are missing, or a number does not have the declared
         type.
     """
-    header = read_ply_header(data)
-    tables = read_ply_tables(header, data)
-    vertices, faces = tables["vertex"], tables["face"]
-    mesh = polygon_mesh(_vertices(vertices), *faces.lists(_indices(faces)))
     notes = Notes()
-    notes.left_out("lines of the header", header.skipped)
-    notes.left_out("texture images", header.textures)
+    tables = read_ply_tables(data, notes)
+    vertices, faces = tables["vertex"], tables["face"]
+    axes = [vertices.element.property_named(axis) for axis in "xyz"]
+    if any(column.count_code for column in axes):
+        raise FormatError("element 'vertex' has a list where x, y or z should be a number")
+    coordinates = [vertices.numbers(column) for column in axes]
+    dtype = np.result_type(np.float32, *(column.dtype for column in coordinates))
+    positions: Vertices = np.stack(coordinates, axis=1).astype(dtype)
+    indices = faces.element.property_named(*INDEX_NAMES)
+    if not indices.count_code or indices.code.startswith("f"):
+        raise FormatError(f"property {indices.name!r} must be a list of integers")
+    mesh = polygon_mesh(positions, *faces.lists(indices))
+
     attributes, fields = list[Attribute](), dict[Key, tuple[Values, Field]]()
     scalars = {
         column.name: column for column in vertices.element.properties if not column.count_code
@@ -66,28 +71,29 @@ def read_ply(data: bytes) -> Frame:
             _add_field(fields, (domain, name), values, "" if kind is Kind.OTHER else kind)
             wide_enough = (dtype for dtype in VALUE_TYPES if np.can_cast(values.dtype, dtype))
             attributes.append(Attribute(name, kind, domain, values.astype(next(wide_enough))))
-    corner_uv = _corner_coordinates(faces, mesh.counts)
-    if corner_uv is not None:
-        attributes.append(corner_uv)
-        _add_field(fields, (Domain.CORNER, corner_uv.name), corner_uv.values, corner_uv.kind)
-    _note_left_out(tables, notes, has_corner_uv=corner_uv is not None)
+
+    read_lists = {*INDEX_NAMES}
+    for column in faces.element.properties:
+        if column.name == CORNER_UV_NAME and column.count_code and column.code in ("f4", "f8"):
+            lengths, numbers = faces.lists(column)
+            if (lengths == 2 * mesh.counts).all():
+                uvs = Attribute("uv", Kind.UV, Domain.CORNER, numbers.reshape(-1, 2))
+                attributes.append(uvs)
+                _add_field(fields, (Domain.CORNER, uvs.name), uvs.values, uvs.kind)
+                read_lists.add(CORNER_UV_NAME)
+
+    if {column.name for column in vertices.element.properties} & set(NORMALS):
+        note_normals(notes)
+    lists = [
+        f"{name}.{column.name}"
+        for name in ("vertex", "face")
+        for column in tables[name].element.properties
+        if column.count_code and not (name == "face" and column.name in read_lists)
+    ]
+    notes.left_out("lists", lists)
+    element_names = [name for name, table in tables.items() if table.element.n_rows]
+    notes.left_out("elements", (name for name in element_names if name not in ("vertex", "face")))
     return Frame(mesh, Surface(attributes=tuple(attributes)), fields, notes)
-
-
-def _vertices(table: PlyTable) -> Vertices:
-    columns = [table.element.property_named(axis) for axis in "xyz"]
-    if any(column.count_code for column in columns):
-        raise FormatError("element 'vertex' has a list where x, y or z should be a number")
-    values = [table.numbers(column) for column in columns]
-    dtype = np.result_type(np.float32, *(column.dtype for column in values))
-    return np.stack(values, axis=1).astype(dtype)
-
-
-def _indices(table: PlyTable) -> PlyProperty:
-    column = table.element.property_named(*INDEX_NAMES)
-    if not column.count_code or column.code.startswith("f"):
-        raise FormatError(f"property {column.name!r} must be a list of integers")
-    return column
 
 
 def _add_field(
@@ -97,22 +103,6 @@ def _add_field(
     while key in fields:
         key = key[0], f"{key[1]}_"
     fields[key] = values, Field(values.dtype, values.shape[1], role, kind)
-
-
-def _note_left_out(tables: dict[str, PlyTable], notes: Notes, *, has_corner_uv: bool) -> None:
-    names = {column.name for column in tables["vertex"].element.properties}
-    if names & set(NORMALS):
-        note_normals(notes)
-    read_names = {*INDEX_NAMES, *([CORNER_UV_NAME] if has_corner_uv else [])}
-    lists = [
-        f"{name}.{column.name}"
-        for name in ("vertex", "face")
-        for column in tables[name].element.properties
-        if column.count_code and not (name != "vertex" and column.name in read_names)
-    ]
-    notes.left_out("lists", lists)
-    element_names = [name for name, table in tables.items() if table.element.n_rows]
-    notes.left_out("elements", (name for name in element_names if name not in ("vertex", "face")))
 
 
 def _columns(table: PlyTable, domain: Domain) -> Iterator[tuple[str, Kind, Values]]:
@@ -145,16 +135,6 @@ def _share_type(
 def _pop_columns(table: PlyTable, columns: dict[str, PlyProperty], names: Sequence[str]) -> Values:
     """Remove the named columns, and return their numbers of shape (N, C)."""
     return np.stack([table.numbers(columns.pop(name)) for name in names], axis=1)
-
-
-def _corner_coordinates(table: PlyTable, counts: npt.NDArray[np.int64]) -> Attribute | None:
-    """Corner texture coordinates, if every face has two numbers for each corner."""
-    for column in table.element.properties:
-        if column.name == CORNER_UV_NAME and column.count_code and column.code in ("f4", "f8"):
-            lengths, values = table.lists(column)
-            if (lengths == 2 * counts).all():
-                return Attribute("uv", Kind.UV, Domain.CORNER, values.reshape(-1, 2))
-    return None
 
 
 FORMATS = (FrameFormat(".ply", "PLY", read_ply, ply_encoder, track_domains=VERTEX_FACE_CORNER),)

@@ -1,4 +1,4 @@
-"""The elements of a PLY file as tables of columns.
+"""The header and the elements of a PLY file, as tables of columns.
 
 The body of an ASCII file is read as if it were binary with float64 for every number, so that the
 same code reads both.
@@ -12,9 +12,59 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
-from meshreel.formats.meshes.ply_header import PlyElement, PlyHeader, PlyProperty
 from meshreel.formats.text.token_lines import split_lines
 from meshreel.model.geometry.polygons import Integers, ragged_indices
+from meshreel.model.notes import Notes
+
+ENCODINGS = ("ascii", "binary_little_endian", "binary_big_endian")
+HEADER_END = b"end_header"
+KEYWORDS = ("format", "element", "property", "end_header")
+
+TYPE_CODES = {
+    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",
+    "float": "f4", "double": "f8", "float32": "f4", "float64": "f8",
+    **{f"int{8 * width}": f"i{width}" for width in (1, 2, 4, 8)},
+    **{f"uint{8 * width}": f"u{width}" for width in (1, 2, 4, 8)},
+}  # fmt: skip
+"""Numpy type codes for the names of the PLY specification and those of later exporters."""
+
+
+@dataclass(frozen=True)
+class PlyProperty:
+    """A column of an element: one number per row, or a list preceded by its length."""
+
+    name: str
+    """Name in the file."""
+    code: str
+    """Numpy type code of the numbers, without byte order."""
+    count_code: str = ""
+    """Numpy type code of the length of a list; empty for a single number per row."""
+
+
+@dataclass(frozen=True)
+class PlyElement:
+    """A table of the file: name, number of rows, and columns."""
+
+    name: str
+    n_rows: int
+    properties: tuple[PlyProperty, ...] = ()
+
+    def property_named(self, *names: str) -> PlyProperty:
+        """Return the first property with one of the given names.
+
+        Raises
+        ------
+        FormatError
+            If there is none.
+        """
+        for candidate in self.properties:
+            if candidate.name in names:
+                return candidate
+        raise FormatError(
+            f"element {self.name!r} needs a property {' or '.join(names)}; it has "
+            f"{', '.join(p.name for p in self.properties) or 'none'}"
+        )
+
 
 Offsets = npt.NDArray[np.int64]
 
@@ -46,9 +96,10 @@ class PlyBody:
         FormatError
             If an integer type is declared and a word of an ASCII file is none in its range.
         """
-        code, stride = self.order + self.code(declared), _stride(offsets)
-        if stride:  # a view is ten times faster than gathering bytes
-            array = np.ndarray(len(offsets), code, self.data, int(offsets[0]), (stride,))
+        code, strides = self.order + self.code(declared), np.diff(offsets)
+        if strides.any() and (strides == strides[0]).all():
+            # A view is ten times faster than gathering bytes.
+            array = np.ndarray(len(offsets), code, self.data, int(offsets[0]), (int(strides[0]),))
         else:
             byte_indices = offsets[:, None] + np.arange(self.width(declared))
             array = np.frombuffer(self.data, np.uint8)[byte_indices].view(code)[:, 0]
@@ -63,14 +114,6 @@ class PlyBody:
                 )
         with np.errstate(over="ignore"):
             return array.astype(declared)
-
-
-def _stride(offsets: Integers) -> int:
-    """Common distance of consecutive offsets; 0 if it varies or there are fewer than two."""
-    if len(offsets) < 2:
-        return 0
-    stride = int(offsets[1]) - int(offsets[0])
-    return stride if (np.diff(offsets) == stride).all() else 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,80 +146,127 @@ class PlyTable:
         return lengths, self.body.take(offsets, column.code)
 
 
-def read_ply_tables(header: PlyHeader, data: bytes) -> dict[str, PlyTable]:
-    """Return the tables of a PLY file by element name.
+def read_ply_tables(data: bytes, notes: Notes) -> dict[str, PlyTable]:
+    """Return the tables of a PLY file by element name; notes name lines that are not read.
 
     Raises
     ------
     FormatError
-        If vertices or faces are not declared, or rows are missing.
+        If the data is not a PLY file, a header line is invalid, which the error names, vertices or
+        faces are not declared, or rows are missing.
     """
-    names = [element.name for element in header.elements]
+    if data[:3] != b"ply" or data[3:4] not in (b"\n", b"\r"):
+        raise FormatError("does not begin with a line 'ply'; it is not a PLY file")
+    # All lines end like the first one, with LF, CRLF or CR; the last line may mix LF and CRLF.
+    is_mac = data[3:4] == b"\r" and data[4:5] != b"\n"
+    line_ends = [b"\r"] if is_mac else [b"\r\n", b"\n"]
+    end = data.find(line_ends[-1] + HEADER_END)
+    body_start = end + len(line_ends[-1] + HEADER_END)
+    line_end = next((ending for ending in line_ends if data.startswith(ending, body_start)), None)
+    if end < 0 or line_end is None:
+        raise FormatError("the header has no line 'end_header'; the file is truncated or damaged")
+    body_start += len(line_end)
+
+    encoding, elements, skipped, textures = "", list[PlyElement](), list[str](), list[str]()
+    text = data[:end].decode("latin-1").replace("\r\n", "\n").replace("\r", "\n")
+    for number, line in enumerate(text.split("\n"), start=1):
+        match line.split():
+            case ["format", str(name), _] if name in ENCODINGS:
+                encoding = name
+            case ["element", str(name), str(count)] if count.isdecimal() and len(count) < 19:
+                elements.append(PlyElement(name, int(count)))
+            case ["property", *words] if elements:
+                elements[-1] = _with_property(elements[-1], words, number)
+            case ["comment", "TextureFile" | "texture", *words] if words:
+                textures.append(" ".join(words))
+            case [] | ["ply" | "comment", *_]:  # comments are for people
+                pass
+            case words if words[0] not in KEYWORDS and (
+                words[0] == "obj_info" or TYPE_CODES.keys().isdisjoint(words)
+            ):
+                skipped.append(f"line {number} {line.strip()[:60]!r}")
+            case _:  # misspelled properties too: ignoring them would shift the data
+                raise FormatError(f"line {number}: {line[:60]!r} is not a line of a PLY header")
+    if not encoding:
+        raise FormatError(f"the header has no format line; expected one of {', '.join(ENCODINGS)}")
+    notes.left_out("lines of the header", skipped)
+    notes.left_out("texture images", textures)
+    names = [element.name for element in elements]
     if not {"vertex", "face"} <= {*names}:
         raise FormatError(
             f"has elements {', '.join(names) or '(none)'}; a mesh needs 'vertex' and 'face'"
         )
-    body = _body(header, data)
+
+    if encoding == "ascii":
+        # Tokenize the header too, so that errors name the right line.
+        lines = split_lines(data)
+        first = int(np.searchsorted(lines.starts, body_start))
+        numbers = lines.floats(np.arange(first, len(lines.starts))).tobytes()
+        body = PlyBody(numbers, "=", lambda offset: lines.word_location(first + offset // 8))
+    else:
+        body = PlyBody(data[body_start:], "<" if encoding == "binary_little_endian" else ">")
     tables: dict[str, PlyTable] = {}
     start = 0
-    for element in header.elements:
-        table = read_table(element, body, start)
+    for element in elements:
+        table = _read_table(element, body, start)
         tables.setdefault(element.name, table)
         start = table.end
     return tables
 
 
-def _body(header: PlyHeader, data: bytes) -> PlyBody:
-    if header.encoding != "ascii":
-        order = "<" if header.encoding == "binary_little_endian" else ">"
-        return PlyBody(data[header.body_start :], order)
-    # Tokenize the header too, so that errors name the right line.
-    lines = split_lines(data)
-    first = int(np.searchsorted(lines.starts, header.body_start))
-    values = lines.floats(np.arange(first, len(lines.starts)))
-    return PlyBody(values.tobytes(), "=", lambda offset: lines.word_location(first + offset // 8))
+def _with_property(element: PlyElement, words: list[str], number: int) -> PlyElement:
+    match words:
+        case ["list", count_type, value_type, name]:
+            new_property = PlyProperty(name, _code(value_type, number), _code(count_type, number))
+        case [value_type, name]:
+            new_property = PlyProperty(name, _code(value_type, number))
+        case _:
+            raise FormatError(f"line {number}: a property needs a type and a name; got {words}")
+    if new_property.count_code.startswith("f"):
+        raise FormatError(f"line {number}: the length of a list must be an integer; got {words}")
+    if any(new_property.name == before.name for before in element.properties):
+        raise FormatError(f"line {number}: property {new_property.name!r} is declared twice")
+    return PlyElement(element.name, element.n_rows, (*element.properties, new_property))
 
 
-def read_table(element: PlyElement, body: PlyBody, start: int) -> PlyTable:
-    """Return the table of an element that begins at an offset.
+def _code(type_name: str, number: int) -> str:
+    if type_name not in TYPE_CODES:
+        raise FormatError(
+            f"line {number}: {type_name[:40]!r} is not a PLY type; "
+            f"expected one of {', '.join(TYPE_CODES)}"
+        )
+    return TYPE_CODES[type_name]
 
-    Raises
-    ------
-    FormatError
-        If the declared rows do not fit in the file, or a list has a negative length.
-    """
+
+def _read_table(element: PlyElement, body: PlyBody, start: int) -> PlyTable:
+    """Return the table of an element that begins at an offset."""
     row_width = sum(body.width(column.count_code or column.code) for column in element.properties)
     _check_fits(element, element.n_rows * row_width, len(body.data) - start)
     if element.n_rows == 0 or not element.properties:
         no_offsets = {column.name: np.empty(0, np.int64) for column in element.properties}
         return PlyTable(element, body, no_offsets, start)
-    return _table_of_equal_rows(element, body, start) or _table_of_rows(element, body, start)
 
-
-def _table_of_equal_rows(element: PlyElement, body: PlyBody, start: int) -> PlyTable | None:
-    """Table if all lists are as long as in the first row, as in most files; otherwise None."""
+    # In most files, all lists are as long as in the first row.
     first, row_width = _walk_row(element, body, start)
     end = start + element.n_rows * row_width
-    if end > len(body.data):
-        return None
-    rows = row_width * np.arange(element.n_rows)
-    offsets = {name: rows + offset for name, offset in first.items()}
-    for column in element.properties:
-        if column.count_code:
-            lengths = body.take(offsets[column.name], column.count_code)
-            if (lengths != lengths[0]).any():
-                return None
-    return PlyTable(element, body, offsets, end)
+    if end <= len(body.data):
+        rows = row_width * np.arange(element.n_rows)
+        offsets = {name: rows + offset for name, offset in first.items()}
+        lengths = (
+            body.take(offsets[column.name], column.count_code)
+            for column in element.properties
+            if column.count_code
+        )
+        if all((of_rows == of_rows[0]).all() for of_rows in lengths):
+            return PlyTable(element, body, offsets, end)
 
-
-def _table_of_rows(element: PlyElement, body: PlyBody, start: int) -> PlyTable:
     row_offsets: dict[str, list[int]] = {column.name: [] for column in element.properties}
     end = start
     for _ in range(element.n_rows):
-        row, width = _walk_row(element, body, end)
+        row, row_width = _walk_row(element, body, end)
         for name, offset in row.items():
             row_offsets[name].append(offset)
-        end += width
+        end += row_width
     offsets = {name: np.array(starts, np.int64) for name, starts in row_offsets.items()}
     return PlyTable(element, body, offsets, end)
 
