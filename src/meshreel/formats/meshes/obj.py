@@ -75,7 +75,17 @@ def read_obj(data: bytes) -> Frame:
         If a line is invalid, which the error names, or vertices or faces are missing.
     """
     lines = _Lines.of(data)
-    mesh = _mesh(lines)
+    vertex_lines = lines.all.beginning_with(b"v")
+    indices = lines.all.integers(lines.corners, stop_at_slash=True)
+    vertices = lines.all.positions(vertex_lines, 1)
+    mesh = polygon_mesh(
+        vertices,
+        lines.counts,
+        np.where(indices < 0, lines.n_above(vertex_lines) + indices, indices - 1),
+        location=lambda face: lines.all.location(lines.face_lines[face]),
+        file_index=lambda corner: indices[corner],
+        allowed=f"1..{len(vertices)}, or count back with -1..-{len(vertices)}",
+    )
     normals = None
     with suppress(FormatError):
         normals = _normals(lines, mesh)
@@ -119,20 +129,6 @@ def _note_left_out(lines: _Lines, surface: Surface, notes: Notes, *, has_normals
         numbers = {lines.all.word(token) for token in lines.all.first[rows] + n_read + 1}
         if numbers - {"0", "1", "0.0", "1.0", "0.000000", "1.000000"}:
             notes.left_out(contents)
-
-
-def _mesh(lines: _Lines) -> PolygonMesh:
-    all_lines, face_lines, rows = lines.all, lines.face_lines, lines.all.beginning_with(b"v")
-    indices = all_lines.integers(lines.corners, stop_at_slash=True)
-    vertices = all_lines.positions(rows, 1)
-    return polygon_mesh(
-        vertices,
-        lines.counts,
-        np.where(indices < 0, lines.n_above(rows) + indices, indices - 1),
-        location=lambda face: all_lines.location(face_lines[face]),
-        file_index=lambda corner: indices[corner],
-        allowed=f"1..{len(vertices)}, or count back with -1..-{len(vertices)}",
-    )
 
 
 def _hard_edges(

@@ -8,7 +8,6 @@ each frame if smoothing groups cannot express them.
 
 import re
 from collections.abc import Container, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -55,7 +54,17 @@ def obj_encoder(stream: FrameStream) -> Encode:
     note_unwritten(surface, (uv, colors, *groups), ".obj", notes, parts=True, hard_edges=True)
     written_tracks = select_tracks(tracks, uv, colors, notes)
     domains = {kind: tracks[name].domain for kind, name in written_tracks.items()}
-    rows, shading = _Rows.of(surface, faces, uv, domains), None
+
+    # One-based indices of the texture coordinate and normal of each corner.
+    counts, shading = surface.sizes(len(faces)), None
+    corners = join_triangles(counts, faces)
+    corner_numbers = np.arange(1, len(corners) + 1)
+    rows_of: dict[Domain, Values] = {Domain.VERTEX: corners + 1, Domain.CORNER: corner_numbers}
+    normal_rows = rows_of[domains[TrackKind.NORMAL]] if TrackKind.NORMAL in domains else None
+    texture_rows = rows_of[domains[TrackKind.UV]] if TrackKind.UV in domains else None
+    if uv is not None:
+        rows = np.arange(len(uv.values)) if uv.indices is None else uv.indices
+        texture_rows = (rows[corners] if uv.domain is Domain.VERTEX else rows) + 1
     if surface.hard_edges is not None and TrackKind.NORMAL not in written_tracks:
         smoothing = _smoothing_groups(surface, faces)
         if smoothing is not None:
@@ -63,9 +72,17 @@ def obj_encoder(stream: FrameStream) -> Encode:
         else:
             n_verts = int(max(faces.max(), surface.hard_edges.max())) + 1
             shading = RowNormals.of_surface(faces, surface, n_verts)
-            rows = replace(rows, normal=shading.rows.of_corner + 1)
+            normal_rows = shading.rows.of_corner + 1
+
+    words: Iterable[str] = map(str, (corners + 1).tolist())
+    if texture_rows is not None:
+        words = map("{}/{}".format, words, texture_rows.tolist())
+    if normal_rows is not None:
+        slashes = "/" if texture_rows is not None else "//"
+        words = map(f"{{}}{slashes}{{}}".format, words, normal_rows.tolist())
+    face_lines = [f"f {row}\n" for row in face_rows(counts, words)]
     texture = "" if uv is None else _lines("vt", uv.values)
-    objects = list(_objects(surface, _face_lines(faces, surface, rows), groups))
+    objects = list(_objects(surface, face_lines, groups))
     static_colors = None if colors is None else _color_rows(colors.per_item())
 
     def encode(vertices: Vertices, values: Mapping[str, Values]) -> bytes:
@@ -86,10 +103,10 @@ def obj_encoder(stream: FrameStream) -> Encode:
         if shading is not None:
             head += _lines("vn", shading.of_frames(vertices[np.newaxis])[0].astype(np.float32))
         pieces = []
-        for part in objects:
-            colors_of_part = None if suffixes is None else suffixes[part.verts]
-            positions = vertex_rows(vertices[part.verts], prefix="v ", suffixes=colors_of_part)
-            pieces += [part.head, positions, head.encode(), part.faces]
+        for first_line, verts, face_text in objects:
+            colors_of_part = None if suffixes is None else suffixes[verts]
+            positions = vertex_rows(vertices[verts], prefix="v ", suffixes=colors_of_part)
+            pieces += [first_line, positions, head.encode(), face_text]
             head = ""
         return b"".join(pieces)
 
@@ -100,25 +117,17 @@ def _lines(word: str, values: Values) -> str:
     return "".join(f"{word} {row}\n" for row in number_rows(values))
 
 
-@dataclass(frozen=True)
-class _Object:
-    """A section of the file: optional first line, vertices, and the text after them."""
-
-    head: bytes
-    verts: slice
-    faces: bytes
-
-
 def _objects(
     surface: Surface, face_lines: list[str], groups: list[FaceGroups]
-) -> Iterator[_Object]:
+) -> Iterator[tuple[bytes, slice, bytes]]:
+    """Yield sections of the file: first line, if any, vertices, and the text after them."""
     if not surface.parts:
-        yield _Object(b"", slice(None), _face_text(slice(0, None), face_lines, groups))
+        yield b"", slice(None), _face_text(slice(0, None), face_lines, groups)
     vertex = face = 0
     for part in surface.parts:
         verts, faces = slice(vertex, vertex + part.n_verts), slice(face, face + part.n_faces)
         text = _face_text(faces, face_lines, groups)
-        yield _Object(_statement("object", part.name).encode(), verts, text)
+        yield _statement("object", part.name).encode(), verts, text
         vertex, face = verts.stop, faces.stop
 
 
@@ -161,50 +170,6 @@ def _smoothing_groups(surface: Surface, faces: Faces) -> FaceGroups | None:
     numbers = np.where(sizes == 1, 0, np.cumsum(sizes > 1))[row]
     labels = ("off", *map(str, range(1, len(sets) + 1)))
     return FaceGroups(SMOOTHING, labels, numbers.astype(np.int32))
-
-
-@dataclass(frozen=True)
-class _Rows:
-    """One-based indices of the texture coordinate and normal of each corner."""
-
-    texture: Values | None
-    normal: Values | None
-
-    @classmethod
-    def of(
-        cls,
-        surface: Surface,
-        faces: Faces,
-        uv: Attribute | None,
-        track_domains: Mapping[TrackKind, Domain],
-    ) -> "_Rows":
-        """Return the indices for a surface and tracks of these domains."""
-        corners = join_triangles(surface.sizes(len(faces)), faces)
-        corner_numbers = np.arange(len(corners))
-
-        def rows_of(domain: Domain) -> Values:
-            return (corners if domain is Domain.VERTEX else corner_numbers) + 1
-
-        texture = None
-        if uv is not None:
-            rows = np.arange(len(uv.values)) if uv.indices is None else uv.indices
-            texture = (rows[corners] if uv.domain is Domain.VERTEX else rows) + 1
-        if TrackKind.UV in track_domains:
-            texture = rows_of(track_domains[TrackKind.UV])
-        normals = track_domains.get(TrackKind.NORMAL)
-        return cls(texture, None if normals is None else rows_of(normals))
-
-
-def _face_lines(faces: Faces, surface: Surface, rows: _Rows) -> list[str]:
-    counts = surface.sizes(len(faces))
-    corners = join_triangles(counts, faces)
-    words: Iterable[str] = map(str, (corners + 1).tolist())
-    if rows.texture is not None:
-        words = map("{}/{}".format, words, rows.texture.tolist())
-    if rows.normal is not None:
-        words = map(f"{{}}{'/' if rows.texture is not None else '//'}{{}}".format, words,
-                    rows.normal.tolist())  # fmt: skip
-    return [f"f {row}\n" for row in face_rows(counts, words)]
 
 
 def first_attribute(

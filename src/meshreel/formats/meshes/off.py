@@ -13,7 +13,6 @@ import re
 from collections.abc import Mapping
 
 import numpy as np
-import numpy.typing as npt
 
 from meshreel.arrays import Integers, Values
 from meshreel.errors import FormatError
@@ -26,7 +25,7 @@ from meshreel.formats.text.decimal_text import face_rows, number_rows, vertex_ro
 from meshreel.formats.text.token_lines import TokenLines, split_lines
 from meshreel.model.geometry.polygons import join_triangles, ragged_indices
 from meshreel.model.notes import Notes, note_normals, note_unwritten
-from meshreel.model.sequence import Faces, Vertices
+from meshreel.model.sequence import Vertices
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.runtime.counting import counted
 
@@ -55,7 +54,15 @@ def read_off(data: bytes) -> Frame:
         )
     vertex_lines = np.arange(begin, begin + n_verts)
     face_lines = np.arange(begin + n_verts, lines.n_lines)
-    counts = _corner_counts(lines, face_lines)
+    counts = lines.integers(lines.first[face_lines])
+    is_wrong = (counts < 0) | (counts >= lines.counts[face_lines])
+    if is_wrong.any():
+        face = int(np.argmax(is_wrong))
+        line = face_lines[face]
+        raise FormatError(
+            f"{lines.location(line)}: declares {counts[face]} corners; "
+            f"{lines.counts[line] - 1} numbers follow"
+        )
     corners = lines.integers(ragged_indices(lines.first[face_lines] + 1, counts))
     vertices = lines.positions(vertex_lines)
     mesh = polygon_mesh(
@@ -66,8 +73,10 @@ def read_off(data: bytes) -> Frame:
     if "C" in keyword:
         n_before = np.full(len(vertex_lines), 6 if "N" in keyword else 3)
         attributes.append(_colors(lines, vertex_lines, n_before, n_texture, Domain.VERTEX))
-    if n_texture:
-        attributes.append(_texture_coordinates(lines, vertex_lines))
+    if n_texture and (lines.counts[vertex_lines] >= 5).all():
+        ends = lines.first[vertex_lines] + lines.counts[vertex_lines]
+        uvs = lines.floats(ends[:, None] + np.arange(-2, 0)).astype(np.float32)
+        attributes.append(Attribute("uv", Kind.UV, Domain.VERTEX, uvs))
     face_colors = _colors(lines, face_lines, counts + 1, 0, Domain.FACE)
     attributes.append(face_colors)
     if "N" in keyword:
@@ -102,20 +111,6 @@ def _read_header(lines: TokenLines) -> tuple[str, int, int, int]:
     return keyword if n_words else "OFF", n_verts, n_faces, line + 1
 
 
-def _corner_counts(lines: TokenLines, face_lines: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """Return the corner counts of the faces on the given lines; raises as `read_off`."""
-    counts = lines.integers(lines.first[face_lines])
-    is_wrong = (counts < 0) | (counts >= lines.counts[face_lines])
-    if is_wrong.any():
-        face = int(np.argmax(is_wrong))
-        line = face_lines[face]
-        raise FormatError(
-            f"{lines.location(line)}: declares {counts[face]} corners; "
-            f"{lines.counts[line] - 1} numbers follow"
-        )
-    return counts
-
-
 def off_encoder(stream: FrameStream) -> Encode:
     """Return a function that encodes a frame as an OFF file.
 
@@ -131,22 +126,20 @@ def off_encoder(stream: FrameStream) -> Encode:
     keyword = f"{'ST' if uv else ''}{'C' if colors else ''}OFF"
     columns = [number_rows(column.per_item()) for column in (colors, uv) if column]
     suffixes = [" ".join(words) for words in zip(*columns, strict=True)] if columns else None
-    face_lines = _face_lines(stream.faces, surface, face_colors)
-    face_text = "".join(face_lines).encode("ascii")
+
+    counts = surface.sizes(len(stream.faces))
+    rows = face_rows(counts, map(str, join_triangles(counts, stream.faces).tolist()))
+    ends = ["\n"] * len(rows)
+    if face_colors is not None:
+        ends = [f" {row}\n" for row in number_rows(face_colors.per_item())]
+    pieces = zip(counts.tolist(), rows, ends, strict=True)
+    face_text = "".join(f"{count} {row}{end}" for count, row, end in pieces).encode("ascii")
 
     def encode(vertices: Vertices, values: Mapping[str, Values]) -> bytes:
-        header = f"{keyword}\n{len(vertices)} {len(face_lines)} 0\n".encode("ascii")
+        header = f"{keyword}\n{len(vertices)} {len(rows)} 0\n".encode("ascii")
         return header + vertex_rows(vertices, suffixes=suffixes) + face_text
 
     return encode
-
-
-def _face_lines(faces: Faces, surface: Surface, colors: Attribute | None) -> list[str]:
-    counts = surface.sizes(len(faces))
-    rows = face_rows(counts, map(str, join_triangles(counts, faces).tolist()))
-    ends = [f" {row}\n" for row in number_rows(colors.per_item())] if colors else ["\n"] * len(rows)
-    pieces = zip(counts.tolist(), rows, ends, strict=True)
-    return [f"{count} {row}{end}" for count, row, end in pieces]
 
 
 def _colors(
@@ -161,14 +154,6 @@ def _colors(
     is_whole = (values == np.rint(values)) & (values >= 0) & (values <= 255)
     is_bytes = bool(is_whole.all()) and not lines.have_points(words)
     return Attribute("color", Kind.COLOR, domain, values.astype("u1" if is_bytes else "f4"))
-
-
-def _texture_coordinates(lines: TokenLines, vertex_lines: Integers) -> Attribute | None:
-    if (lines.counts[vertex_lines] < 5).any():
-        return None
-    ends = lines.first[vertex_lines] + lines.counts[vertex_lines]
-    values = lines.floats(ends[:, None] + np.arange(-2, 0)).astype(np.float32)
-    return Attribute("uv", Kind.UV, Domain.VERTEX, values)
 
 
 FORMATS = (FrameFormat(".off", "OFF", read_off, off_encoder, is_decimal=True),)

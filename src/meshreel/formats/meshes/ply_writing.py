@@ -46,16 +46,8 @@ TYPE_NAMES = {
     "<f4": "float", "<f8": "double",
 }  # fmt: skip
 
-HEADER_BEGIN = ("ply", "format binary_little_endian 1.0")
-
 Column = tuple[str, Values]
 """Name and values of a property."""
-
-FaceTable = tuple[list[str], bytes]
-"""Header lines that declare the faces, and the bytes of the faces."""
-
-RaggedField = tuple[npt.NDArray[np.int64], npt.NDArray[Any]]
-"""Number of values in each row, and the values of all rows."""
 
 RESERVED = {*NOT_ATTRIBUTES, *COLOR_NAMES[0], *(name for names in UV_NAMES for name in names)}
 
@@ -94,37 +86,40 @@ def ply_encoder(stream: FrameStream) -> Encode:
             if track.domain is Domain.CORNER:
                 track_corner_values.append(values[track.name])
             else:
-                track_columns[track.domain] += track.columns(values[track.name])
-        face_table = constant_face_table
+                columns = _converted(values[track.name], track.dtype).T
+                track_columns[track.domain] += zip(track.properties, columns, strict=True)
+        face_header, face_bytes = constant_face_table
         if has_face_tracks:
-            columns = face_columns + track_columns[Domain.FACE]
-            face_table = _face_table(faces, surface, columns, corner_values + track_corner_values)
-        return _encode_tables(vertices, vertex_columns + track_columns[Domain.VERTEX], face_table)
+            face_header, face_bytes = _face_table(
+                faces,
+                surface,
+                face_columns + track_columns[Domain.FACE],
+                corner_values + track_corner_values,
+            )
+
+        positions = vertices.astype("f4" if vertices.dtype == np.float32 else "f8", copy=False)
+        fields = [*zip("xyz", positions.T, strict=True), *vertex_columns]
+        fields += track_columns[Domain.VERTEX]
+        rows = np.empty(len(vertices), [(name, _code(column)) for name, column in fields])
+        for name, column in fields:
+            rows[name] = column
+        properties = [f"property {TYPE_NAMES[_code(column)]} {name}" for name, column in fields]
+        header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(vertices)}"]
+        text = "\n".join([*header, *properties, *face_header, ""])
+        return text.encode("ascii") + rows.tobytes() + face_bytes
 
     return encode
 
 
-def _encode_tables(vertices: Vertices, columns: list[Column], face_table: FaceTable) -> bytes:
-    """Return a PLY file of vertices, with columns of further properties, and of a face table."""
-    positions = vertices.astype("f4" if vertices.dtype == np.float32 else "f8", copy=False)
-    fields = [*zip("xyz", positions.T, strict=True), *columns]
-    rows = np.empty(len(vertices), [(name, _code(column)) for name, column in fields])
-    for name, column in fields:
-        rows[name] = column
-    properties = [f"property {TYPE_NAMES[_code(column)]} {name}" for name, column in fields]
-    face_header, face_bytes = face_table
-    header = [*HEADER_BEGIN, f"element vertex {len(vertices)}", *properties, *face_header, ""]
-    return "\n".join(header).encode("ascii") + rows.tobytes() + face_bytes
-
-
 def _face_table(
     faces: Faces, surface: Surface, columns: list[Column], corner_values: list[Values]
-) -> FaceTable:
-    """Return the faces, with columns of further properties and UVs of corners."""
+) -> tuple[list[str], bytes]:
+    """Return the end of the header and the faces, with further properties and UVs of corners."""
     counts = surface.sizes(len(faces)).astype(np.int64)
     lists = [(INDEX_NAMES[0], counts, join_triangles(counts, faces))]
     lists += [(CORNER_UV_NAME, 2 * counts, pairs.ravel()) for pairs in corner_values]
-    header, fields = [f"element face {len(counts)}"], list[RaggedField]()
+    header = [f"element face {len(counts)}"]
+    fields: list[tuple[npt.NDArray[np.int64], npt.NDArray[Any]]] = []  # lengths in rows, values
     for name, lengths, values in lists:
         count_code = "<u1" if lengths.max() < 256 else "<i4"
         code = _code(values)
@@ -133,11 +128,8 @@ def _face_table(
     for name, values in columns:
         header.append(f"property {TYPE_NAMES[_code(values)]} {name}")
         fields.append((np.ones_like(counts), values))
-    return [*header, "end_header"], _interleave(fields)
 
-
-def _interleave(fields: list[RaggedField]) -> bytes:
-    """Interleave fields: row by row, the values of each field in order."""
+    # Row by row, the values of each field in order.
     widths = [lengths * values.itemsize for lengths, values in fields]
     row_widths = np.sum(widths, axis=0)
     starts = np.cumsum(row_widths) - row_widths
@@ -146,7 +138,7 @@ def _interleave(fields: list[RaggedField]) -> bytes:
         in_order = np.ascontiguousarray(values, _code(values))
         table[ragged_indices(starts, width)] = in_order.view(np.uint8)
         starts = starts + width
-    return table.tobytes()
+    return [*header, "end_header"], table.tobytes()
 
 
 def _writable_attributes(surface: Surface, domain: Domain) -> list[Attribute]:
@@ -214,11 +206,6 @@ class PlyTrack:
     """One for each component; empty for corner tracks, which are stored as a list."""
     dtype: np.dtype[Any]
     """Type of the numbers in the file."""
-
-    def columns(self, values: Values) -> list[Column]:
-        """Return the property columns of a frame, given values of shape (N, C)."""
-        columns = _converted(values, self.dtype).T
-        return list(zip(self.properties, columns, strict=True))
 
 
 def select_tracks(
