@@ -117,11 +117,6 @@ class TimeSampling:
     cycle_s: float | None
     """Length of a cycle; None if acyclic."""
 
-    @property
-    def is_uniform(self) -> bool:
-        """Whether all samples are evenly spaced."""
-        return self.cycle_s is not None and len(self.stored_times_s) == 1
-
     def times(self, n_samples: int) -> Floats:
         """Return the times of the first samples, ascending, of shape (n_samples,).
 
@@ -198,7 +193,15 @@ class Archive:
         samplings, metadata = (
             Records(self.data(root[section])) for section in (SAMPLINGS, METADATA)
         )
-        self.samplings: list[TimeSampling] = samplings.read_all(lambda: _read_sampling(samplings))
+        self.samplings: list[TimeSampling] = []
+        while not samplings.is_at_end:
+            samplings.number(4)  # maximum number of samples, unused here
+            cycle_s = float(samplings.times(1)[0])
+            times_s = samplings.times(samplings.number(4))
+            if len(times_s) == 0:
+                raise damage_error("a time sampling has no times")
+            sampling = TimeSampling(times_s, None if cycle_s == ACYCLIC_S else cycle_s)
+            self.samplings.append(sampling)
         # Headers refer to metadata by index; index 0 is empty.
         shared_metadata = metadata.read_all(lambda: metadata.metadata(metadata.number(1)))
         self._metadata: list[Metadata] = [{}, *shared_metadata]
@@ -322,15 +325,6 @@ class Archive:
                 if size <= remaining and len(contents := stream.read(size)) == size:
                     return contents
         raise damage_error(f"the block at byte {offset} ends after the end of the file")
-
-
-def _read_sampling(records: Records) -> TimeSampling:
-    records.number(4)  # maximum number of samples, unused here
-    cycle_s = float(records.times(1)[0])
-    times_s = records.times(records.number(4))
-    if len(times_s) == 0:
-        raise damage_error("a time sampling has no times")
-    return TimeSampling(times_s, None if cycle_s == ACYCLIC_S else cycle_s)
 
 
 def _check_count(headers: list[Any], count: int, noun: str) -> None:

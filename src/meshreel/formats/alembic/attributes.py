@@ -1,16 +1,19 @@
 """Texture coordinates, colors and other geometry parameters of an Alembic mesh, and face groups.
 
-Parameters that never change become attributes or groups, the others tracks.
+Parameters that never change become attributes or groups, the others tracks; notes name properties
+that are neither.
 """
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from operator import itemgetter
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Floats, Integers, Values
-from meshreel.formats.alembic.archive import Property, damage_error
+from meshreel.arrays import Floats, Values
+from meshreel.errors import FormatError
+from meshreel.formats.alembic.archive import AbcObject, Property, damage_error
 from meshreel.formats.frames.field_tracks import NORMALS as NORMALS_ROLE
 from meshreel.formats.scenes.merging import BLENDED
 from meshreel.formats.scenes.quantities import Quantity, normals_of_corners
@@ -48,6 +51,20 @@ SEGMENT_ATTRIBUTES = "meshreel:attributes"
 
 TRACK_KIND, UNIT = "meshreelKind", "unit"
 """Metadata keys of properties that meshreel writes for tracks."""
+
+BOOKKEEPING = {
+    ".selfBnds": "bounds, which programs compute",
+    ".childBnds": "likewise",
+    ".animChans": "which channels of a transform change",
+    "isNotConstantIdentity": "whether a transform moves anything",
+    ".facesExclusive": "whether face sets overlap",
+    "samples": "number of samples of a time sampling",
+    "statistics": "number of objects",
+}
+"""Properties without content of their own, and why."""
+
+MISFITS = "properties that do not fit the faces"
+"""Subject of the note on values whose number fits no domain of a mesh."""
 
 Properties = Mapping[str, Property]
 
@@ -102,11 +119,6 @@ class GeometryParam:
         return Kind.UV if is_float and width == self.values.extent == 2 else Kind.OTHER
 
     @property
-    def is_linear(self) -> bool:
-        """Whether float colors are linear, as in Houdini; Blender and VTK write sRGB."""
-        return self.source.archive.application.startswith("Houdini")
-
-    @property
     def is_constant(self) -> bool:
         """Whether neither values nor indices change over time."""
         return self.values.is_constant and (self.indices is None or self.indices.is_constant)
@@ -121,7 +133,9 @@ class GeometryParam:
         is_half = numbers.dtype == np.float16
         dtype = np.dtype(np.float32) if is_half else numbers.dtype.newbyteorder("=")
         values: Values = numbers.astype(dtype).reshape(-1, self.width)
-        if self.is_linear and self.kind is Kind.COLOR and dtype.kind == "f":
+        # Houdini writes linear colors; Blender and VTK write sRGB.
+        is_linear = self.source.archive.application.startswith("Houdini")
+        if is_linear and self.kind is Kind.COLOR and dtype.kind == "f":
             values = to_srgb(values).astype(dtype)
         return values
 
@@ -306,8 +320,14 @@ def read_face_sets(
     labels: list[str] = []
     overlapping = []
     for name, properties in face_sets.items():
-        faces = _face_indices(properties, name, n_faces, time_s)
-        if not len(faces) and not properties[FACES].is_constant:
+        if (source := properties.get(FACES)) is None:
+            raise damage_error(f"the face set {name} lacks {FACES}")
+        faces = np.zeros(0, np.int64)
+        if source.n_samples:
+            faces = source.integers(_sample_index(source, time_s))
+        if len(faces) and not 0 <= faces.min() <= faces.max() < n_faces:
+            raise damage_error(f"the face set {name} refers to faces outside 0..{n_faces - 1}")
+        if not len(faces) and not source.is_constant:
             continue  # a material of other segments
         if (materials[faces] >= 0).any():
             numbers = np.full(n_faces, -1, np.int32)
@@ -317,17 +337,6 @@ def read_face_sets(
             materials[faces] = len(labels)
             labels.append(name)
     return (FaceGroups("material", tuple(labels), materials), *overlapping) if labels else ()
-
-
-def _face_indices(properties: Properties, name: str, n_faces: int, time_s: float) -> Integers:
-    if (face_property := properties.get(FACES)) is None:
-        raise damage_error(f"the face set {name} lacks {FACES}")
-    if face_property.n_samples == 0:
-        return np.zeros(0, np.int64)
-    faces = face_property.integers(_sample_index(face_property, time_s))
-    if len(faces) and not 0 <= faces.min() <= faces.max() < n_faces:
-        raise damage_error(f"the face set {name} refers to faces outside 0..{n_faces - 1}")
-    return faces
 
 
 def _attribute(param: GeometryParam, mesh: PolygonMesh, time_s: float) -> Attribute | None:
@@ -366,3 +375,40 @@ def _groups(param: GeometryParam, mesh: PolygonMesh, time_s: float) -> FaceGroup
     label_numbers = {text: number for number, text in enumerate(labels)}
     numbers = np.array([label_numbers.get(text, -1) for text in texts], np.int32)[rows]
     return FaceGroups(param.name, tuple(labels), numbers)
+
+
+def note_unread(objects: Sequence[AbcObject], notes: Notes) -> None:
+    """Note the properties of objects that were not read, or do not fit the mesh."""
+    unread: list[tuple[str, str]] = []
+    for item in objects:
+        try:
+            for path, values in _leaves(item.properties):
+                if path[-1].rpartition("samples")[1] or not BOOKKEEPING.keys().isdisjoint(path):
+                    continue
+                if values not in item.archive.read or values in item.archive.unfit:
+                    name = next(part for part in reversed(path) if part not in (VALUES, INDICES))
+                    unread.append((_subject(path, values), name.lstrip(".")))
+        except FormatError as error:
+            unread.append(("properties that cannot be read", f"{item.name} ({error})"))
+    notes.left_out_items(sorted(unread, key=itemgetter(0)))
+
+
+def _leaves(
+    properties: Properties, above: tuple[str, ...] = ()
+) -> Iterator[tuple[tuple[str, ...], Property]]:
+    """Yield the properties with values, and the names of the compounds above and their own."""
+    for name, item in properties.items():
+        if item.is_compound:
+            yield from _leaves(item.properties, (*above, name))
+        elif not item.is_empty:
+            yield (*above, name), item
+
+
+def _subject(path: tuple[str, ...], values: Property) -> str:
+    if USER in path:
+        return "user properties"
+    if values in values.archive.unfit:
+        return "text that is not constant for each face" if values.is_text else MISFITS
+    if PARAMS in path and GeometryParam(values).domain is None:
+        return "values for a whole mesh"
+    return "other properties"

@@ -16,14 +16,15 @@ from meshreel.arrays import Floats, Integers
 from meshreel.errors import FormatError
 from meshreel.formats.alembic.archive import AbcObject, Archive, Property, damage_error
 from meshreel.formats.alembic.attributes import (
+    MISFITS,
     NORMALS,
     animated_quantities,
     domain_of,
+    note_unread,
     read_attributes,
     read_face_sets,
     read_normals,
 )
-from meshreel.formats.alembic.unread import MISFITS, note_unread
 from meshreel.formats.frames.field_tracks import Key
 from meshreel.formats.options import Reading
 from meshreel.formats.scenes.quantities import Quantity, note_quantities, quantity_tracks
@@ -253,17 +254,6 @@ def read_meshes(path: Path, reading: Reading) -> list[SceneMesh]:
         contents = ", ".join(f"{noun} ({count})" for noun, count in sorted(counts.items()))
         contents = contents or ("transforms" if nodes else "no objects")
         raise FormatError(f"contains no mesh, only {contents}; export polygon meshes into it")
-    _note_other_objects(nodes, meshes, reading.notes)
-    normals = NormalNotes(reading.notes)
-
-    def read(node: Node) -> SceneMesh:
-        return _AnimatedMesh(node, reading.notes, normals).scene_mesh()
-
-    return [read_or_defer_error(node.path, partial(read, node)) for node in meshes]
-
-
-def _note_other_objects(nodes: Sequence[Node], meshes: Sequence[Node], notes: Notes) -> None:
-    """Note the objects that are neither meshes, nor above or below one, and those of the file."""
     parents, mesh_nodes = {node.parent for node in nodes}, {*meshes}
     names = defaultdict[str, list[str]](list)
     for node in nodes:
@@ -273,8 +263,15 @@ def _note_other_objects(nodes: Sequence[Node], meshes: Sequence[Node], notes: No
             subject = OTHER_SCHEMAS.get(node.object.schema, f"{noun} without a mesh")
             names[subject].append(node.path)
     for subject in sorted(names):
-        notes.left_out(subject, names[subject])
-    note_unread([nodes[0].object.archive.top], notes)
+        reading.notes.left_out(subject, names[subject])
+    note_unread([nodes[0].object.archive.top], reading.notes)
+
+    normals = NormalNotes(reading.notes)
+
+    def read(node: Node) -> SceneMesh:
+        return _AnimatedMesh(node, reading.notes, normals).scene_mesh()
+
+    return [read_or_defer_error(node.path, partial(read, node)) for node in meshes]
 
 
 class _AnimatedMesh:
@@ -318,21 +315,17 @@ class _AnimatedMesh:
         rates = {
             rounded_rate(1 / sampling.cycle_s, 1e-12)
             for sampling in samplings
-            if sampling.is_uniform and sampling.cycle_s
+            if sampling.cycle_s and len(sampling.stored_times_s) == 1
         }
         fps = rates.pop() if len(rates) == 1 else None
+        node = self._node.object
+        face_sets = (child for child in node.children if ".faceset" in child.properties)
+        objects = [node, *face_sets, *self._node.ancestors]
         return SceneMesh(
             self._node.path, self._times_s, self._frame, self._surface, fps, self._tracks,
             visibility=self._node.visibility,
-            note_unread=partial(note_unread, self._objects, self._notes),
+            note_unread=partial(note_unread, objects, self._notes),
         )  # fmt: skip
-
-    @property
-    def _objects(self) -> list[AbcObject]:
-        """The mesh, its face sets, and the objects above it."""
-        node = self._node.object
-        face_sets = (child for child in node.children if ".faceset" in child.properties)
-        return [node, *face_sets, *self._node.ancestors]
 
     @cached_property
     def _animated(self) -> dict[str, Quantity]:
@@ -392,14 +385,6 @@ class _AnimatedMesh:
         """The world matrix if no transform is animated."""
         return world_matrix(self._node.chain, float(self._times_s[0]))
 
-    def _points_at(self, time_s: float) -> Vertices:
-        before, after, weight = neighbors(self._points.times_s, time_s)
-        first = self._positions(before)
-        if weight == 0:
-            return first
-        second = self._positions(after)
-        return blend(first, second, weight) if len(second) == len(first) else first
-
     def _positions(self, index: int) -> Vertices:
         points = self._points.numbers(index)
         if points.dtype.kind != "f" or points.shape[1] != 3:
@@ -411,7 +396,14 @@ class _AnimatedMesh:
 
     def _mesh_at(self, time_s: float) -> PolygonMesh:
         """Return the mesh at a time in local space; its faces are validated once."""
-        points, cached = self._points_at(time_s), self._cached_faces
+        before, after, weight = neighbors(self._points.times_s, time_s)
+        points = self._positions(before)
+        if weight != 0:
+            later_points = self._positions(after)
+            if len(later_points) == len(points):
+                points = blend(points, later_points, weight)
+
+        cached = self._cached_faces
         properties = self._counts, self._corners
         samples = [neighbors(values.times_s, time_s).before for values in properties]
         indices = [

@@ -96,8 +96,19 @@ def write_alembic(path: Path, stream: SegmentedStream, options: WriteOptions) ->
 
 def _write_archive(path: Path, stream: SegmentedStream, shared: SharedData) -> Rounding:
     """Write a file, which is complete once the library's objects are destroyed."""
-    archive = ALEMBIC.load("Abc").OArchive(str(path))
-    sampling = archive.addTimeSampling(_time_sampling(stream))
+    archive, core = ALEMBIC.load("Abc").OArchive(str(path)), ALEMBIC.load("AbcCoreAbstract")
+    timing = stream.timing
+    if timing.times is not None or (stream.n_frames == 1 and not timing.fps):
+        times = core.TimeVector()
+        for time in written_times(timing, stream.n_frames, stream.notes).tolist():
+            times.append(time)
+        kind = core.TimeSamplingType(core.AcyclicFlag.kAcyclic)
+        time_sampling = core.TimeSampling(kind, times)
+    else:
+        rate = written_rate(timing, stream.notes)
+        time_sampling = core.TimeSampling(1 / rate, timing.start_s)
+    sampling = archive.addTimeSampling(time_sampling)
+
     left_out = unwritable_tracks(stream, shared)
     rounding: Rounding | None = None
     writers: list[PartWriter] = []
@@ -127,17 +138,6 @@ def _write_archive(path: Path, stream: SegmentedStream, shared: SharedData) -> R
                 writer.add(rounded, values)
     assert rounding is not None  # there is at least one segment
     return rounding
-
-
-def _time_sampling(stream: SegmentedStream) -> Any:
-    core = ALEMBIC.load("AbcCoreAbstract")
-    timing = stream.timing
-    if timing.times is not None or (stream.n_frames == 1 and not timing.fps):
-        times = core.TimeVector()
-        for time in written_times(timing, stream.n_frames, stream.notes).tolist():
-            times.append(time)
-        return core.TimeSampling(core.TimeSamplingType(core.AcyclicFlag.kAcyclic), times)
-    return core.TimeSampling(1 / written_rate(timing, stream.notes), timing.start_s)
 
 
 def _transform(transforms: dict[ObjectPath, Any], path: ObjectPath, shift: Floats) -> Any:
