@@ -1,21 +1,35 @@
-"""Writing a folder of vertex animation textures: one texel per vertex and frame."""
+"""Writing a folder of vertex animation textures: one texel per vertex and frame.
+
+The second UVs of the rest mesh, a glTF file, point to the texels.
+"""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats
 from meshreel.codec.error_bounds import bound_of
 from meshreel.errors import InvalidInputError, Keyword
-from meshreel.formats.error_budget import ErrorBudget, requested_budget
+from meshreel.formats.error_budget import requested_budget
 from meshreel.formats.frames.frame_stream import FrameStream
-from meshreel.formats.gltf.container import IDENTITY
-from meshreel.formats.gltf.mesh_writer import describe_losses
-from meshreel.formats.gltf.morphs import check_range
+from meshreel.formats.gltf.container import IDENTITY, Placement, write_document
+from meshreel.formats.gltf.materials import Materials
+from meshreel.formats.gltf.mesh_writer import (
+    MorphMesh,
+    SceneWriter,
+    describe_losses,
+    split_at_seams,
+    write_mesh,
+)
+from meshreel.formats.gltf.morphs import NormalTargets, check_range
 from meshreel.formats.kinds import FolderFormat
 from meshreel.formats.options import WriteOptions
+from meshreel.formats.scenes.parts import split_parts
 from meshreel.formats.vat.layouts import (
     BLENDER_FBX_SPACE,
     GLTF_SPACE,
@@ -28,11 +42,13 @@ from meshreel.formats.vat.layouts import (
     normal_values,
     normals_of,
     remap_document,
+    to_blender,
 )
-from meshreel.formats.vat.mesh import Motion, RestMesh, placement_for
 from meshreel.formats.vat.textures import Texels, TexelType, read_texture, write_texture
+from meshreel.model.geometry.normals import vertex_normals
 from meshreel.model.notes import Notes, written_rate
-from meshreel.model.sequence import MeshSequence
+from meshreel.model.sequence import Faces, Vertices
+from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.runtime.counting import counted
 from meshreel.runtime.extras import OPEN_EXR, PNG
 
@@ -51,6 +67,12 @@ DEFAULT_LAYOUT = "openvat"
 
 DEFAULT_MAX_ERROR = 0.1
 """Percent of the diagonal: one pixel in a thousand, for a mesh that fills the image."""
+
+TEXEL_UVS = "VAT_UV"
+"""Name of the UVs of the texels, TEXCOORD_1 in the file."""
+
+UP = (0.0, 1.0, 0.0)
+"""Normal of a vertex without one, since all faces around it are degenerate."""
 
 
 def vat_files(path: Path, options: WriteOptions) -> list[Path]:
@@ -99,13 +121,30 @@ def write_vat(
     types, notes = types or requested_types, stream.notes
     mesh_path, path, data_path = (folder / name for name in _file_names(stem, types))
     has_normals = options.normals is not False
-    fps = _note_losses(stream)
+    notes.add_all(describe_losses(stream.surface, len(stream.faces)))
+    if parts := stream.surface.parts:
+        notes.changed(f"{counted(len(parts), 'part')} become one mesh, without their names")
+    if start_s := stream.timing.start_s:
+        notes.changed("start", f"starts at 0 s, not {start_s:g} s: textures have no start time")
+    fps = written_rate(stream.timing, notes if stream.n_frames > 1 else Notes())
+
     sequence = stream.gather()
     mesh = RestMesh(sequence.faces, sequence.surface, sequence.n_verts)
     low, high = sequence.extent.low, sequence.extent.high
     check_range(low, high)
     _, budget = requested_budget(low, high, options, DEFAULT_MAX_ERROR, consumer="textures")
-    motion = _motion(sequence, mesh, fps, space, budget, notes)
+    frames = sequence.vertices
+    if n_isolated := sequence.n_verts - len(mesh.used_verts):
+        notes.unwritten(f"left out {counted(n_isolated, 'vertex')} that no face uses")
+        frames = frames[:, mesh.used_verts]
+    placement = placement_for(frames, budget.max_added or np.inf)
+    if placement is not IDENTITY:
+        origin = " ".join(f"{coordinate:g}" for coordinate in placement.offset)
+        notes.changed(
+            f"the mesh is centered at the origin, and the node of the file moves it to {origin}, "
+            "where float32 is too coarse; keep the node when you import it"
+        )
+    motion = Motion(frames, mesh.faces, placement, space.scale)
     grid = fit_grid(motion.n_verts, motion.n_frames, n_halves=2 if has_normals else 1)
 
     stream.progress("textures", 0.0)
@@ -121,11 +160,29 @@ def write_vat(
             "choose the other kind of textures"
         )
     mesh.write(mesh_path, motion, grid.texel_uvs(), space, notes)
-    document = remap_document(motion.fps, grid, remap, stream.name or stem)
+    document = remap_document(fps, grid, remap, stream.name or stem)
     text = json.dumps(document, ensure_ascii=False, indent=4)
     data_path.write_text(f"{text}\n", encoding="utf-8")
-    _note_errors(notes, budget, errors, angle_deg, texel_type)
-    _note_size(notes, grid, texel_type)
+
+    largest, frame = float(errors.max()), int(errors.argmax())
+    added = "" if budget.origin is None else " added"
+    notes.result(
+        f"the largest error{added} is {budget.percent(largest):.3g} % of the diagonal, in frame "
+        f"{frame}, as decoded from {texel_type.title}"
+    )
+    notes += budget.describe(largest)
+    if angle_deg is not None:
+        notes.result(f"the largest error of normals is {angle_deg:.2g} degrees")
+    video_bytes = texel_type.video_bytes(grid.height, grid.width)
+    notes.result(
+        f"1 texture of {grid.width} x {grid.height} texels: "
+        f"{video_bytes / 1e6:.3g} MB of video memory"
+    )
+    if max(grid.width, grid.height) > WIDTHS[0]:
+        notes.result(
+            f"GPUs of phones, and some browsers, support at most {WIDTHS[0]} texels per side; use "
+            "fewer frames for them"
+        )
 
 
 def _file_names(stem: str, types: Sequence[TexelType]) -> tuple[str, str, str]:
@@ -144,38 +201,170 @@ def _choices(options: WriteOptions) -> tuple[Sequence[TexelType], MeshSpace]:
     return TEXEL_TYPES[textures], LAYOUTS[layout]
 
 
-def _note_losses(stream: FrameStream) -> float:
-    """Note what the folder cannot store, and return the frame rate to write."""
-    notes, surface = stream.notes, stream.surface
-    notes.add_all(describe_losses(surface, len(stream.faces)))
-    if surface.parts:
-        notes.changed(f"{counted(len(surface.parts), 'part')} become one mesh, without their names")
-    if start_s := stream.timing.start_s:
-        notes.changed("start", f"starts at 0 s, not {start_s:g} s: textures have no start time")
-    return written_rate(stream.timing, notes if stream.n_frames > 1 else Notes())
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Frames of the vertices that faces use, as offsets from the first frame."""
+
+    frames: Vertices
+    """float array of shape (T, V, 3). Positions in model units."""
+    faces: Faces
+    """int32 array of shape (M, 3)."""
+    placement: Placement
+    """Translation of the mesh in the model; its scale is 1."""
+    mesh_scale: float = 1.0
+    """Units of the mesh file per model unit."""
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames, T."""
+        return len(self.frames)
+
+    @property
+    def n_verts(self) -> int:
+        """Number of vertices, V."""
+        return int(self.frames.shape[1])
+
+    @cached_property
+    def rest(self) -> npt.NDArray[np.float32]:
+        """Rest positions in the mesh file: the first frame as float32, of shape (V, 3)."""
+        return self.positions(0).astype(np.float32)
+
+    def positions(self, frame: int) -> npt.NDArray[np.float64]:
+        """Return the positions of a frame relative to the placement, of shape (V, 3)."""
+        return np.asarray(self.frames[frame].astype(np.float64) - self.placement.offset)
+
+    def offsets(self) -> Iterator[npt.NDArray[np.float64]]:
+        """Yield the offsets of each frame from the rest mesh, of shape (V, 3)."""
+        rest = self.rest.astype(np.float64)
+        for frame in range(self.n_frames):
+            yield self.positions(frame) - rest
+
+    def playback_errors(
+        self, frame: int, offsets: npt.NDArray[np.float32]
+    ) -> npt.NDArray[np.float64]:
+        """Return the errors of vertices that a shader moves by offsets, of shape (V,).
+
+        Shaders add them in float32, in the units of the mesh file.
+        """
+        scale = np.float32(self.mesh_scale)
+        rest = (self.rest * self.mesh_scale).astype(np.float32)
+        moved = (rest + scale * offsets).astype(np.float64) / self.mesh_scale
+        return np.asarray(np.linalg.norm(moved - self.positions(frame), axis=1))
+
+    def normals(self) -> Iterator[npt.NDArray[np.float64]]:
+        """Yield the smooth unit normals of each frame, of shape (V, 3)."""
+        for frame in range(self.n_frames):
+            normals = vertex_normals(self.positions(frame), self.faces)
+            normals[~normals.any(axis=1)] = UP
+            yield normals
+
+    def offset_box(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Return the corners of the bounding box of all offsets."""
+        boxes = [(offsets.min(axis=0), offsets.max(axis=0)) for offsets in self.offsets()]
+        lows, highs = zip(*boxes, strict=True)
+        return np.min(lows, axis=0), np.max(highs, axis=0)
 
 
-def _motion(
-    sequence: MeshSequence,
-    mesh: RestMesh,
-    fps: float,
-    space: MeshSpace,
-    budget: ErrorBudget,
-    notes: Notes,
-) -> Motion:
-    """Return the motion of the vertices that faces use, near the origin."""
-    frames = sequence.vertices
-    if n_isolated := sequence.n_verts - len(mesh.used_verts):
-        notes.unwritten(f"left out {counted(n_isolated, 'vertex')} that no face uses")
-        frames = frames[:, mesh.used_verts]
-    placement = placement_for(frames, budget.max_added or np.inf)
-    if placement is not IDENTITY:
-        origin = " ".join(f"{coordinate:g}" for coordinate in placement.offset)
-        notes.changed(
-            f"the mesh is centered at the origin, and the node of the file moves it to {origin}, "
-            "where float32 is too coarse; keep the node when you import it"
-        )
-    return Motion(frames, mesh.faces, fps, placement, space.scale)
+def placement_for(frames: Vertices, max_error: float) -> Placement:
+    """Return a placement that centers the mesh where float32 is too coarse, or else none.
+
+    Parameters
+    ----------
+    frames : float array of shape (T, V, 3)
+    max_error : float
+        Error that may be added to a position, in model units; float32 may use an eighth of it.
+    """
+    low = np.min([frame.min(axis=0) for frame in frames], axis=0).astype(np.float64)
+    high = np.max([frame.max(axis=0) for frame in frames], axis=0).astype(np.float64)
+    reach = float(np.maximum(-low, high).max())
+    center = ((low + high) / 2).astype(np.float32).astype(np.float64)
+    is_near = np.spacing(np.float32(reach)) <= max_error / 8
+    if is_near or not center.any():
+        return IDENTITY
+    return Placement(center, 1.0)
+
+
+class RestMesh:
+    """The rest mesh, restricted to the vertices that faces use.
+
+    Parameters
+    ----------
+    faces : int32 array of shape (M, 3)
+
+    Attributes
+    ----------
+    used_verts : int64 array of shape (V,)
+        Indices of the vertices that faces use, ascending.
+    faces : int32 array of shape (M, 3)
+        Faces as indices into these vertices.
+    """
+
+    def __init__(self, faces: Faces, surface: Surface, n_verts: int) -> None:
+        self._n_verts = n_verts
+        # Textures store one normal per vertex, so hard edges are lost.
+        self._n_hard_edges = 0 if surface.hard_edges is None else len(surface.hard_edges)
+        self._all_faces, self._surface = faces, replace(surface, parts=(), hard_edges=None)
+        is_used = np.zeros(n_verts, bool)
+        is_used[faces] = True
+        self.used_verts: npt.NDArray[np.intp] = np.flatnonzero(is_used)
+        self._compact_indices = np.cumsum(is_used) - 1
+        self.faces: npt.NDArray[np.int32] = self._compact_indices[faces].astype(np.int32)
+
+    def write(
+        self,
+        path: Path,
+        motion: Motion,
+        uvs: Floats,
+        space: MeshSpace,
+        notes: Notes,
+    ) -> None:
+        """Write a ``.glb`` file of the first frame.
+
+        Parameters
+        ----------
+        uvs : float64 array of shape (V, 2)
+            UVs of the texels of the first frame; v is 0 at the bottom.
+        space : MeshSpace
+            Axes and units of the vertices in the file.
+        notes : Notes
+            Gains a sentence for everything of a material that glTF cannot store.
+        """
+        if self._n_hard_edges:
+            notes.unwritten(
+                f"left out {counted(self._n_hard_edges, 'hard edge')}: textures store one normal "
+                "per vertex"
+            )
+        # The UVs of texels are the second UV set; the first is zeros if there is none.
+        rows = np.zeros((self._n_verts, 2))
+        rows[self.used_verts] = uvs
+        attributes = list(self._surface.attributes)
+        uv_indices = [
+            index for index, attribute in enumerate(attributes) if attribute.kind is Kind.UV
+        ]
+        if not uv_indices:
+            zeros = np.zeros((self._n_verts, 2), np.float32)
+            attributes.insert(0, Attribute("uv", Kind.UV, Domain.VERTEX, zeros))
+            uv_indices = [0]
+        texel_uvs = Attribute(TEXEL_UVS, Kind.UV, Domain.VERTEX, rows)
+        attributes.insert(uv_indices[0] + 1, texel_uvs)
+        surface = replace(self._surface, attributes=tuple(attributes))
+        normals, rest = next(motion.normals()).astype(np.float32), motion.rest
+        if space.rotation is not None:
+            normals, rest = to_blender(normals), to_blender(rest)
+        rest = (rest * space.scale).astype(np.float32)
+        name = path.stem
+        scene = SceneWriter(name, [0.0], WriteOptions(), notes)
+        materials = Materials(surface, scene.buffer, notes)
+        [part] = split_parts(self._all_faces, surface, self._n_verts, "")
+        split = split_at_seams(part).with_indices(self._compact_indices, self._compact_indices)
+        morph_mesh = MorphMesh(motion.placement, rest, None, NormalTargets(normals), np.zeros(1))
+        node = scene.tree.add(name, 0, motion.placement)
+        if space.rotation is not None:
+            transform = {"rotation": list(space.rotation), "scale": [1 / space.scale] * 3}
+            scene.tree.nodes[node] |= transform
+        scene.meshes.append(write_mesh(name, split, morph_mesh, scene.buffer, materials))
+        document = scene.assemble(materials)
+        write_document(path, document, scene.buffer, "leave out attributes (--attributes)")
 
 
 def _smallest_texture(
@@ -233,37 +422,6 @@ def _write_normals(image: Texels, motion: Motion, grid: TexelGrid, texel_type: T
         chord = np.linalg.norm(played_normals - normals, axis=1).max()
         angle_deg = max(angle_deg, float(np.degrees(2 * np.arcsin(min(chord / 2, 1)))))
     return angle_deg
-
-
-def _note_errors(
-    notes: Notes,
-    budget: ErrorBudget,
-    errors: npt.NDArray[np.float64],
-    angle_deg: float | None,
-    texel_type: TexelType,
-) -> None:
-    largest, frame = float(errors.max()), int(errors.argmax())
-    added = "" if budget.origin is None else " added"
-    notes.result(
-        f"the largest error{added} is {budget.percent(largest):.3g} % of the diagonal, in frame "
-        f"{frame}, as decoded from {texel_type.title}"
-    )
-    notes += budget.describe(largest)
-    if angle_deg is not None:
-        notes.result(f"the largest error of normals is {angle_deg:.2g} degrees")
-
-
-def _note_size(notes: Notes, grid: TexelGrid, texel_type: TexelType) -> None:
-    video_bytes = texel_type.video_bytes(grid.height, grid.width)
-    notes.result(
-        f"1 texture of {grid.width} x {grid.height} texels: "
-        f"{video_bytes / 1e6:.3g} MB of video memory"
-    )
-    if max(grid.width, grid.height) > WIDTHS[0]:
-        notes.result(
-            f"GPUs of phones, and some browsers, support at most {WIDTHS[0]} texels per side; use "
-            "fewer frames for them"
-        )
 
 
 FORMATS = (
