@@ -40,12 +40,15 @@ def vertex_rows(
         is_near = np.abs(vertices).max() <= NEAR_DIAGONALS * _diagonal(vertices)
     number = "%.9g" if vertices.dtype == np.float32 and is_near else "%r"
     line = f"{prefix}{number} {number} {number}"
-    starts = range(0, len(vertices), BLOCK_ROWS)
-    blocks = [slice(start, start + BLOCK_ROWS) for start in starts]
-    return b"".join(
-        _format_rows(line, vertices[block], None if suffixes is None else suffixes[block])
-        for block in blocks
-    )
+    pieces = []
+    for start in range(0, len(vertices), BLOCK_ROWS):
+        rows = vertices[start : start + BLOCK_ROWS]
+        template = f"{line}\n" * len(rows)
+        if suffixes is not None:
+            ends = suffixes[start : start + BLOCK_ROWS]
+            template = "".join(f"{line} {suffix}\n" for suffix in ends)
+        pieces.append((template % tuple(rows.ravel().tolist())).encode("ascii"))
+    return b"".join(pieces)
 
 
 def number_rows(values: npt.NDArray[Any]) -> list[str]:
@@ -86,15 +89,6 @@ class Narrowing:
         The size is the largest diagonal of the bounding box of a frame.
         """
         return math.isfinite(self._change) and self._change <= FLOAT32_TOLERANCE * self._size
-
-
-def _format_rows(line: str, rows: Vertices, suffixes: Sequence[str] | None) -> bytes:
-    """Fill the line template with the numbers and suffix of each row."""
-    if suffixes is None:
-        template = f"{line}\n" * len(rows)
-    else:
-        template = "".join(f"{line} {suffix}\n" for suffix in suffixes)
-    return (template % tuple(rows.ravel().tolist())).encode("ascii")
 
 
 def _diagonal(frame: Vertices) -> float:

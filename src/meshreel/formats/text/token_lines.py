@@ -112,7 +112,8 @@ class TokenLines:
             try:
                 block_values[:] = words
             except ValueError:
-                raise self._float_error(block, words) from None
+                bad = (i for i, word in enumerate(words) if not _is_number(word))
+                raise self._syntax_error(int(block[next(bad, 0)]), "a number") from None
         return values.reshape(tokens.shape)
 
     def integers(self, tokens: Integers, *, stop_at_slash: bool = False) -> npt.NDArray[np.int64]:
@@ -210,10 +211,6 @@ class TokenLines:
     def _codes(self) -> npt.NDArray[np.uint8]:
         return np.frombuffer(self.text, dtype=np.uint8)
 
-    def _float_error(self, tokens: Integers, words: list[bytes]) -> FormatError:
-        bad = (i for i, word in enumerate(words) if not _is_number(word))
-        return self._syntax_error(int(tokens[next(bad, 0)]), "a number")
-
     def _syntax_error(self, token: int, expected: str) -> FormatError:
         location, word = self.word_location(token), self.word(token)
         return FormatError(f"{location}: expected {expected}; got {word!r}")
@@ -247,7 +244,15 @@ def split_lines(data: bytes, *, continuation: bool = False) -> TokenLines:
         # Blanks of the same length keep byte offsets valid for line numbers.
         text = text.replace(b"\\\r\n", b"   ").replace(b"\\\n", b"  ")
         text = text[:-1] + b"\n"
-    return _find_words(text, physical)
+
+    codes = np.frombuffer(text, dtype=np.uint8)
+    space = np.concatenate([[True], are_spaces(codes)])
+    edges = np.flatnonzero(space[1:] != space[:-1])
+    starts, ends = edges[0::2], edges[1::2]
+    words_so_far = np.searchsorted(starts, np.flatnonzero(codes == ord("\n")))
+    counts = np.diff(words_so_far, prepend=0)
+    lines = np.flatnonzero(counts)
+    return TokenLines(text, physical, starts, ends, (words_so_far - counts)[lines], counts[lines])
 
 
 def _blocks(tokens: Integers, values: _Values) -> Iterator[tuple[Integers, _Values]]:
@@ -263,17 +268,6 @@ def _is_number(word: bytes) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _find_words(text: bytes, physical: bytes) -> TokenLines:
-    codes = np.frombuffer(text, dtype=np.uint8)
-    space = np.concatenate([[True], are_spaces(codes)])
-    edges = np.flatnonzero(space[1:] != space[:-1])
-    starts, ends = edges[0::2], edges[1::2]
-    words_so_far = np.searchsorted(starts, np.flatnonzero(codes == ord("\n")))
-    counts = np.diff(words_so_far, prepend=0)
-    lines = np.flatnonzero(counts)
-    return TokenLines(text, physical, starts, ends, (words_so_far - counts)[lines], counts[lines])
 
 
 def are_spaces(codes: Codes) -> npt.NDArray[np.bool_]:
