@@ -226,11 +226,10 @@ def _check_storage(dataset: Dataset) -> None:
 
 def describe_track(dataset: Dataset, name: str, track: TrackSource) -> None:
     """Write name, domain, kind and unit of a track as attributes of its dataset."""
-    dataset.attrs["name"] = name.encode("utf-8", "replace").decode().replace("\0", "_")
-    dataset.attrs["domain"] = str(track.domain)
-    dataset.attrs["kind"] = str(track.kind)
-    if track.unit:
-        dataset.attrs["unit"] = track.unit.encode("utf-8", "replace").decode().replace("\0", "_")
+    texts = {"name": name, "domain": str(track.domain), "kind": str(track.kind)}
+    texts |= {"unit": track.unit} if track.unit else {}
+    for key, text in texts.items():
+        dataset.attrs[key] = text.encode("utf-8", "replace").decode().replace("\0", "_")
 
 
 def read_text_attribute(dataset: Dataset, name: str) -> str:

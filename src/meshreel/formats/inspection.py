@@ -11,7 +11,6 @@ from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.kinds import AnimationInfo, SequenceFormat
 from meshreel.formats.options import Reading
 from meshreel.formats.remote import local_copy
-from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.scenes.scene_source import open_mesh, selected_meshes
 from meshreel.formats.segments import open_any
 from meshreel.formats.sources import Source, SourceFiles, find_files
@@ -167,7 +166,10 @@ def _mesh_infos(files: SourceFiles, reading: Reading) -> Iterator[MeshInfo]:
         except MeshReelError as error:
             if len(meshes) == 1:
                 raise
-            yield _bad_mesh_info(mesh, str(Message(*error.args)))
+            n_frames = len(mesh.times_s)
+            start_s = float(mesh.times_s[0]) if n_frames else 0.0
+            info = MeshInfo(mesh.name, n_frames, 0, 0, 0, mesh.fps or 0.0, start_s, "float32")
+            yield replace(info, problem=str(Message(*error.args)))
         else:
             sequence = MeshSequence.of_segments(runs)
             yield replace(_sequence_info(sequence), name=mesh.name)
@@ -222,12 +224,6 @@ def _segment_info(segment: FrameSource) -> MeshInfo:
             + sum(map(size_bytes, segment.tracks.values()))
         ),
     )
-
-
-def _bad_mesh_info(mesh: SceneMesh, problem: str) -> MeshInfo:
-    start_s = float(mesh.times_s[0]) if len(mesh.times_s) else 0.0
-    info = MeshInfo(mesh.name, len(mesh.times_s), 0, 0, 0, mesh.fps or 0.0, start_s, "float32")
-    return replace(info, problem=problem)
 
 
 def _with_mesh_number(progress: Progress, number: int, n_meshes: int) -> Progress:

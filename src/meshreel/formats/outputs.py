@@ -165,10 +165,12 @@ def _files_of(path: Path, n_frames: int | None, start_number: int | None) -> lis
         first = start_number or 0
         numbers = range(first, first + (1 if n_frames is None else n_frames))
         return numbered_paths(path, fields[0], numbers)
-    if foreign_field := OTHER_FIELD.search(path.name):
-        name = path.name.replace(foreign_field[0], f"%0{_n_digits(foreign_field[0])}d")
+    if match := OTHER_FIELD.search(path.name):
+        field = match[0]
+        digits = len(field) if field[0] == "#" else int(field[-1]) if field[-1].isdigit() else 4
+        name = path.name.replace(field, f"%0{digits}d")
         raise InvalidInputError(
-            f"{path}: {foreign_field[0]} is not a number field here; use {path.with_name(name)}"
+            f"{path}: {field} is not a number field here; use {path.with_name(name)}"
         )
     if n_frames is not None and n_frames > 1:
         pattern = path.with_name(f"{path.stem}_%04d{path.suffix}")
@@ -177,11 +179,6 @@ def _files_of(path: Path, n_frames: int | None, start_number: int | None) -> lis
             f"or {path.with_suffix('.npz')} for all frames in one file"
         )
     return [path]
-
-
-def _n_digits(field: str) -> int:
-    """Number of digits of an `OTHER_FIELD`, 4 if it gives none."""
-    return len(field) if field[0] == "#" else int(field[-1]) if field[-1].isdigit() else 4
 
 
 def _check_start_number(path: Path, start_number: int | None) -> None:

@@ -57,7 +57,9 @@ def local_copy(
         )
     addresses = [os.fspath(address) for address in sources]
     root = Path(tempfile.mkdtemp(prefix="meshreel-")).resolve()
-    folder = root / _folder_name(addresses[0])
+    # The local name of the folder also names a sequence of frames.
+    name = re.sub(r"[^\w. -]", "_", name_of(_folder(addresses[0]))).strip(". ")
+    folder = root / (name or "frames")
     try:
         yield _download(addresses, folder, memory_limit(memory).limit_bytes, notes)
     except MeshReelError as error:
@@ -82,11 +84,6 @@ def _folder(address: str) -> str:
     return folder_of(address) if is_file else without_query(address).rstrip("/")
 
 
-def _folder_name(address: str) -> str:
-    """Return the local name of the folder of an input, which also names a sequence of frames."""
-    return re.sub(r"[^\w. -]", "_", name_of(_folder(address))).strip(". ") or "frames"
-
-
 def _download(
     addresses: list[str], folder: Path, limit_bytes: float, notes: Notes | None
 ) -> Source:
@@ -100,7 +97,9 @@ def _download(
         download(file, folder / name, limit_bytes)
     if len(files) == 1:
         DOWNLOADS[folder] = without_query(files[0]), limit_bytes
-        _fetch_companion(folder / names[0])
+        path = folder / names[0]
+        if companion := FORMATS[extension_of(path)].companion:  # the mesh of a point cache
+            download_sibling(path.with_suffix(companion))
     if notes is not None:
         size_mb = sum(path.stat().st_size for path in folder.iterdir()) / 1e6
         source = files[0] if len(files) == 1 else f"{counted(len(files), 'file')} of {addresses[0]}"
@@ -138,10 +137,3 @@ def _resolve(address: str) -> list[str]:
 
 def _has_magic(text: str) -> bool:
     return "*" in text or "[" in text
-
-
-def _fetch_companion(path: Path) -> None:
-    """Download the mesh next to a point cache, if there is one."""
-    cache_format = FORMATS[extension_of(path)]
-    if cache_format.companion:
-        download_sibling(path.with_suffix(cache_format.companion))

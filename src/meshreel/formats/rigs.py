@@ -27,11 +27,9 @@ def is_rigged(options: WriteOptions) -> bool:
     InvalidInputError
         If another option has no effect with this choice.
     """
-    if not options.rig:
-        for name in ("kg", "quality"):
-            if getattr(options, name) is not None:
-                raise InvalidInputError(
-                    Keyword(name), " is a bound of rigs; add ", Keyword("rig"), ", or omit it"
-                )
-        return False
-    return True
+    for name in ("kg", "quality"):
+        if not options.rig and getattr(options, name) is not None:
+            raise InvalidInputError(
+                Keyword(name), " is a bound of rigs; add ", Keyword("rig"), ", or omit it"
+            )
+    return bool(options.rig)

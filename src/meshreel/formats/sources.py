@@ -90,7 +90,14 @@ def find_files(source: Source) -> SourceFiles:
     if path.exists():
         return SourceFiles((path,), format_of(path), path.stem)
     if glob.has_magic(str(source)):
-        return _from_pattern(str(source))
+        files = [Path(name) for name in glob.glob(str(source), recursive=True)]
+        files = natural_order(path for path in files if path.is_file())
+        if not files:
+            raise InvalidInputError(f"the pattern {str(source)!r} matches no file; check it")
+        supported_files = [path for path in files if extension_of(path) in FORMATS]
+        if not supported_files:
+            format_of(files[0])
+        return _check_one_format(supported_files, f"the pattern {str(source)!r}")
     if "%" in path.name:
         return _from_numbers(path)
     raise InvalidInputError(missing_source(path))
@@ -191,17 +198,6 @@ def _from_folder(folder: Path) -> SourceFiles:
             f"the folder {folder} contains no frames ({', '.join(FRAME_FORMATS)}){advice}"
         )
     return _check_one_format(natural_order(frames), f"the folder {folder}")
-
-
-def _from_pattern(pattern: str) -> SourceFiles:
-    files = [Path(name) for name in glob.glob(pattern, recursive=True)]
-    files = natural_order(path for path in files if path.is_file())
-    if not files:
-        raise InvalidInputError(f"the pattern {pattern!r} matches no file; check it")
-    supported_files = [path for path in files if extension_of(path) in FORMATS]
-    if not supported_files:
-        format_of(files[0])
-    return _check_one_format(supported_files, f"the pattern {pattern!r}")
 
 
 def _from_numbers(pattern: Path) -> SourceFiles:
