@@ -99,10 +99,15 @@ def _layout(path: Path, reading: Reading) -> D3plotLayout:
     layout = D3plotLayout(Words(path))
     if len(layout.cells.types) == 0:
         raise FormatError("contains neither shells nor solids; there is no surface")
-    reading.notes.left_out("elements without faces", layout.left_out)
-    if layout.control["narbs"]:
+    control = layout.control
+    without_faces = {"nel2": "beams", "nmsph": "SPH particles", "npefg": "particles of airbags"}
+    names = [name for key, name in without_faces.items() if control[key] > 0]
+    reading.notes.left_out("elements without faces", names)
+    if control["narbs"]:
         reading.notes.left_out("user numbers of nodes and elements")
-    reading.notes.left_out("nodes on edges of elements, read as free vertices", layout.linear)
+    read_as_linear = {"nel48": "8-node shells", "nel20": "20-node solids"}
+    names = [name for key, name in read_as_linear.items() if control[key] > 0]
+    reading.notes.left_out("nodes on edges of elements, read as free vertices", names)
     reading.notes.left_out("results", _unread_results(layout))
     if layout.n_leftover_words:
         reading.notes.changed(
@@ -208,7 +213,16 @@ class _States:
             self._notes.add(NoteKind.SEGMENTS, "deleted elements", DELETED)
         key = np.packbits(is_alive).tobytes()
         if self._cached is None or self._cached[:2] != (layout, key):
-            self._cached = layout, key, _surface_of(layout, is_alive)
+            rows, cells = np.flatnonzero(is_alive), layout.cells
+            if len(rows) == 0:
+                raise FormatError("has a state in which all elements with faces are deleted")
+            starts, counts = np.cumsum(cells.counts) - cells.counts, cells.counts[rows]
+            points = cells.points[ragged_indices(starts[rows], counts)]
+            surface = cell_mesh(Cells(cells.types[rows], counts, points), layout.n_nodes)
+            if not is_alive.all():  # without the nodes that only deleted cells have
+                surface = surface.without_points(layout.lost_nodes(is_alive))
+            surface = replace(surface, cells=rows[surface.cells], volume_rows=rows)
+            self._cached = layout, key, surface
         return self._cached[2]
 
 
@@ -216,21 +230,6 @@ def _result(
     domain: Domain, name: str, read: Callable[[], npt.NDArray[Any]], field: Field
 ) -> DataArray:
     return DataArray(domain, name, read, lambda: None, lambda: field, is_track=True)
-
-
-def _surface_of(layout: D3plotLayout, is_alive: npt.NDArray[np.bool_]) -> CellSurface:
-    """Return the surface of some of the cells, without the nodes that only deleted cells have."""
-    rows = np.flatnonzero(is_alive)
-    if len(rows) == 0:
-        raise FormatError("has a state in which all elements with faces are deleted")
-    cells = layout.cells
-    starts = np.cumsum(cells.counts) - cells.counts
-    counts = cells.counts[rows]
-    points = cells.points[ragged_indices(starts[rows], counts)]
-    surface = cell_mesh(Cells(cells.types[rows], counts, points), layout.n_nodes)
-    if not is_alive.all():
-        surface = surface.without_points(layout.lost_nodes(is_alive))
-    return replace(surface, cells=rows[surface.cells], volume_rows=rows)
 
 
 FORMATS = (

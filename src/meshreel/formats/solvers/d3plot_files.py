@@ -278,7 +278,20 @@ class D3plotLayout:
             self._n_rigid_shells, n_materials = self._next_integers(2).tolist()
             self._material_types = self._next_integers(n_materials)
         self._position += self.control["ialemat"]
-        n_sph, particle_words, particle_state_words = self._read_particle_flags()
+
+        # Numbers of words: per SPH particle, and of airbags in the geometry and in each state.
+        n_sph = particle_words = particle_state_words = 0
+        if self.control["nmsph"]:
+            flags = words.integers(self._position, int(self._next_integers(1)[0]))
+            self._position += len(flags) - 1
+            n_sph = 1 + int(np.abs(flags[1:]).sum())
+        if self.control["npefg"]:
+            n_bags, version = self.control["npefg"] % 1000, self.control["npefg"] // 1000
+            n_geometry, n_values, n_particles, n_state = self._next_integers(4).tolist()
+            self._position += (version == 4) + 9 * (n_geometry + n_values + n_state)
+            particle_words = n_bags * n_geometry
+            particle_state_words = n_bags * n_state + n_particles * n_values
+
         self._read_geometry()
         self._read_other_geometry(particle_words)
         self._titles = self._read_titles()
@@ -292,18 +305,6 @@ class D3plotLayout:
     def n_nodes(self) -> int:
         """Number of nodes."""
         return self.control["numnp"]
-
-    @property
-    def left_out(self) -> list[str]:
-        """Elements without faces and SPH particles, for notes."""
-        names = {"nel2": "beams", "nmsph": "SPH particles", "npefg": "particles of airbags"}
-        return [name for key, name in names.items() if self.control[key] > 0]
-
-    @property
-    def linear(self) -> list[str]:
-        """Kinds of elements that are read without the nodes on their edges, for notes."""
-        names = {"nel48": "8-node shells", "nel20": "20-node solids"}
-        return [name for key, name in names.items() if self.control[key] > 0]
 
     @cached_property
     def counts(self) -> dict[str, int]:
@@ -458,20 +459,6 @@ class D3plotLayout:
         self._position += count
         return numbers
 
-    def _read_particle_flags(self) -> tuple[int, int, int]:
-        """Return numbers of words: per SPH particle, and of airbags in geometry and each state."""
-        n_sph = 0
-        if self.control["nmsph"]:
-            flags = self.words.integers(self._position, int(self._next_integers(1)[0]))
-            self._position += len(flags) - 1
-            n_sph = 1 + int(np.abs(flags[1:]).sum())
-        if not self.control["npefg"]:
-            return n_sph, 0, 0
-        n_bags, version = self.control["npefg"] % 1000, self.control["npefg"] // 1000
-        n_geometry, n_values, n_particles, n_state = self._next_integers(4).tolist()
-        self._position += (version == 4) + 9 * (n_geometry + n_values + n_state)
-        return n_sph, n_bags * n_geometry, n_bags * n_state + n_particles * n_values
-
     def _read_geometry(self) -> None:
         """Read elements and part numbers.
 
@@ -494,7 +481,13 @@ class D3plotLayout:
                 )
         if not self._numbering_fits():
             raise FormatError("has user numbers of another number of elements; it is damaged")
-        self._part_ids = self._read_part_ids()
+
+        # The user's part numbers, if the numbering section has them.
+        numbering = self._next_integers(self.control["narbs"])
+        self._part_ids: list[int] = []
+        if len(numbering) >= N_NUMBERING and numbering[0] < 0:
+            first, n_parts = N_NUMBERING + int(numbering[5:10].sum()), int(numbering[15])
+            self._part_ids = numbering[first : first + max(0, n_parts)].tolist()
 
     def _read_elements(self, *, ten_nodes: int) -> None:
         self._position += 3 * self.n_nodes
@@ -514,14 +507,6 @@ class D3plotLayout:
         sizes = [self.control[name] for name in ("numnp", "nel8", "nel2", "nel4", "nelt")]
         declared_sizes: list[int] = self.words.integers(self._position, N_SIZES)[5:].tolist()
         return declared_sizes == sizes
-
-    def _read_part_ids(self) -> list[int]:
-        """Return the user's part numbers, if the numbering section has them."""
-        numbering = self._next_integers(self.control["narbs"])
-        if len(numbering) < N_NUMBERING or numbering[0] >= 0:
-            return []
-        first, n_parts = N_NUMBERING + int(numbering[5:10].sum()), int(numbering[15])
-        return [int(part) for part in numbering[first : first + max(0, n_parts)]]
 
     def _read_other_geometry(self, particle_words: int) -> None:
         """Read the further nodes of ten-node solids, and skip other tables."""

@@ -115,8 +115,23 @@ class EnsightCase:
         models = [value for key, value in self._sections["GEOMETRY"] if key == "model"]
         if len(models) != 1:
             raise FormatError(f"has {len(models)} models in its section GEOMETRY; expected one")
+        words = _words(models[0])
+        if PER_PART in words:
+            raise FormatError(
+                f"has the model option {PER_PART}, which is not supported; write whole geometries"
+            )
         self.elements_step: int | None = None
-        self.geometry: FileSeries = self._read_model(_words(models[0]))
+        if COORDS_ONLY in words:
+            index = words.index(COORDS_ONLY)
+            self.elements_step = int(_numbers(words[index + 1 : index + 2] or ["0"])[0])
+            words = words[:index]
+        *numbers, pattern = words or [""]
+        geometry = self._series(numbers, pattern, "the model")
+        if geometry is None:
+            raise FormatError(
+                "stores all steps of the geometry in one file (file set); write one file per step"
+            )
+        self.geometry: FileSeries = geometry
         keys = [key for key, _ in self._sections["GEOMETRY"] if key != "model"]
         reading.notes.left_out("geometry", keys)
         reading.notes.left_out("sections", self._sections.keys() - KNOWN_SECTIONS)
@@ -131,23 +146,6 @@ class EnsightCase:
             If it does not exist, or is outside the folder of the case without permission.
         """
         return resolve_reference(self._path, series.name(step), self._options)
-
-    def _read_model(self, words: list[str]) -> FileSeries:
-        if PER_PART in words:
-            raise FormatError(
-                f"has the model option {PER_PART}, which is not supported; write whole geometries"
-            )
-        if COORDS_ONLY in words:
-            index = words.index(COORDS_ONLY)
-            self.elements_step = int(_numbers(words[index + 1 : index + 2] or ["0"])[0])
-            words = words[:index]
-        *numbers, pattern = words or [""]
-        series = self._series(numbers, pattern, "the model")
-        if series is None:
-            raise FormatError(
-                "stores all steps of the geometry in one file (file set); write one file per step"
-            )
-        return series
 
     def _read_variables(self) -> Iterator[Variable]:
         left_out = []

@@ -290,17 +290,13 @@ def _read_block(tables: Tables, block: Block) -> Cells:
         counts = tables.integers(count)
         return Cells(np.full(count, POLYGON), counts, tables.integers(_total(counts), count) - 1)
     if block.kind == NFACED:
-        return _read_polyhedra(tables, count)
+        n_faces = tables.integers(count)
+        sizes = tables.integers(_total(n_faces))
+        nodes = tables.integers(_total(sizes), len(sizes)) - 1
+        return Cells.polyhedra(n_faces, sizes, nodes)
     n_nodes = int(cell_sizes()[TYPES[block.kind]])
     nodes = tables.integers(count * n_nodes, count) - 1
     return Cells(np.full(count, TYPES[block.kind]), np.full(count, n_nodes), nodes)
-
-
-def _read_polyhedra(tables: Tables, count: int) -> Cells:
-    n_faces = tables.integers(count)
-    sizes = tables.integers(_total(n_faces))
-    nodes = tables.integers(_total(sizes), len(sizes)) - 1
-    return Cells.polyhedra(n_faces, sizes, nodes)
 
 
 def find_columns(tables: Tables, parts: dict[int, Part], width: int) -> Columns:
