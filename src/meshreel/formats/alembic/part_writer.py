@@ -85,10 +85,8 @@ class PartWriter:
         self._face_sets: dict[str, Any] = {}
         self._face_set_names: set[str] = set()
         self._face_samples: list[tuple[Any, Any]] = []
-        self._choose_standard(tracks, part)
 
-    def _choose_standard(self, tracks: Mapping[str, TrackSource], part: PartMesh) -> None:
-        """Choose the tracks that are standard properties, which are float32."""
+        # Standard properties are float32; the other tracks are geometry parameters.
         available = set(STANDARD_NAMES.values())
         if any(map(_is_texture, part.surface.attributes)):
             available.remove(UVS)
@@ -103,11 +101,11 @@ class PartWriter:
                 self._standard[standard] = name, track
             else:
                 self._param_tracks[name], standard, dtype = track, "", _written_type(track)
-            note_track_type(name, track.dtype, dtype, self._notes)
+            note_track_type(name, track.dtype, dtype, notes)
             if standard not in ("", UVS):
-                note_name("track", name, standard.strip("."), ".abc", self._notes)
+                note_name("track", name, standard.strip("."), ".abc", notes)
         units = {name: track.unit for name, track in self._standard.values()}
-        note_unwritten_units(units, ".abc", self._notes)
+        note_unwritten_units(units, ".abc", notes)
 
     def begin(self, part: PartMesh) -> None:
         """Begin a segment with the part in it."""

@@ -43,14 +43,28 @@ def read_drc(data: bytes) -> Frame:
     FormatError
         If the file is damaged, contains a point cloud, or DracoPy is not installed.
     """
-    draco_mesh = _decode_points(data)
+    if not data.startswith(MAGIC) or len(data) <= GEOMETRY_TYPE:
+        raise FormatError("is not a Draco file: it does not begin with 'DRACO'")
+    if data[GEOMETRY_TYPE] == POINT_CLOUD:
+        raise FormatError("contains a point cloud without faces; a triangle mesh needs faces")
+    if data[GEOMETRY_TYPE] != TRIANGLE_MESH:
+        raise FormatError(
+            f"declares geometry of type {data[GEOMETRY_TYPE]}; {TRIANGLE_MESH} is a triangle mesh"
+        )
+    library = LIBRARY.load()
+    try:
+        draco_mesh = library.decode(data)
+    except Exception:  # of various types, whose messages are misleading
+        raise FormatError("is damaged or incomplete: Draco cannot decode it") from None
+
     by_type: dict[int, list[npt.NDArray[Any]]] = {}
     notes, left_out = Notes(), list[str]()
     for attribute in draco_mesh.attributes:
         kind, values = attribute["attribute_type"], attribute["data"]
         is_second = kind in (POSITION, NORMAL) and kind in by_type
         if values is None or is_second or not _is_supported(kind, values):
-            left_out.append(_describe(attribute))
+            type_name = TYPE_NAMES[kind] if 0 <= kind < len(TYPE_NAMES) else "unknown"
+            left_out.append(attribute.get("name") or f"{type_name} {attribute['unique_id']}")
         else:
             by_type.setdefault(kind, []).append(values + values.dtype.type(0))  # -0.0 becomes 0.0
     if POSITION not in by_type:
@@ -85,23 +99,6 @@ def read_drc(data: bytes) -> Frame:
     return replace(frame, find_hard_edges=lambda: find_hard_edges(mesh, values[corners]))
 
 
-def _decode_points(data: bytes) -> Any:
-    """Decode a file with DracoPy; raises as `read_drc`."""
-    if not data.startswith(MAGIC) or len(data) <= GEOMETRY_TYPE:
-        raise FormatError("is not a Draco file: it does not begin with 'DRACO'")
-    if data[GEOMETRY_TYPE] == POINT_CLOUD:
-        raise FormatError("contains a point cloud without faces; a triangle mesh needs faces")
-    if data[GEOMETRY_TYPE] != TRIANGLE_MESH:
-        raise FormatError(
-            f"declares geometry of type {data[GEOMETRY_TYPE]}; {TRIANGLE_MESH} is a triangle mesh"
-        )
-    library = LIBRARY.load()
-    try:
-        return library.decode(data)
-    except Exception:  # of various types, whose messages are misleading
-        raise FormatError("is damaged or incomplete: Draco cannot decode it") from None
-
-
 def _is_supported(draco_type: int, values: npt.NDArray[Any]) -> bool:
     """Whether an attribute becomes positions, normals, texture coordinates or colors."""
     width, number_type = int(values.shape[1]), values.dtype.name
@@ -110,13 +107,6 @@ def _is_supported(draco_type: int, values: npt.NDArray[Any]) -> bool:
     if draco_type == COLOR:
         return width in (3, 4) and number_type in ("float32", "uint8")
     return number_type == "float32" and (draco_type, width) in ((NORMAL, 3), (UV, 2))
-
-
-def _describe(attribute: dict[str, Any]) -> str:
-    """Name an attribute that is left out: by its metadata, else by type and number."""
-    kind = attribute["attribute_type"]
-    type_name = TYPE_NAMES[kind] if 0 <= kind < len(TYPE_NAMES) else "unknown"
-    return attribute.get("name") or f"{type_name} {attribute['unique_id']}"
 
 
 FORMATS = (FrameFormat(".drc", "Draco", read_drc, None, extra=LIBRARY),)

@@ -24,7 +24,6 @@ from meshreel.model.sequence import Vertices
 HEADER_BYTES = 80
 TRIANGLE = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
-
 COLORED = re.compile(rb"(COLOR|MATERIAL)=")
 """What begins a color in the header; other text of the header is for people."""
 
