@@ -47,8 +47,8 @@ from meshreel.formats.vat.layouts import (
 from meshreel.formats.vat.textures import Texels, TexelType, read_texture, write_texture
 from meshreel.model.geometry.normals import vertex_normals
 from meshreel.model.notes import Notes, written_rate
-from meshreel.model.sequence import Faces, Vertices
-from meshreel.model.surface import Attribute, Domain, Kind, Surface
+from meshreel.model.sequence import Faces, MeshSequence, Vertices
+from meshreel.model.surface import Attribute, Domain, Kind
 from meshreel.runtime.counting import counted
 from meshreel.runtime.extras import OPEN_EXR, PNG
 
@@ -129,14 +129,16 @@ def write_vat(
     fps = written_rate(stream.timing, notes if stream.n_frames > 1 else Notes())
 
     sequence = stream.gather()
-    mesh = RestMesh(sequence.faces, sequence.surface, sequence.n_verts)
+    is_used = np.zeros(sequence.n_verts, bool)
+    is_used[sequence.faces] = True
+    faces = (np.cumsum(is_used) - 1)[sequence.faces].astype(np.int32)
     low, high = sequence.extent.low, sequence.extent.high
     check_range(low, high)
     _, budget = requested_budget(low, high, options, DEFAULT_MAX_ERROR, consumer="textures")
     frames = sequence.vertices
-    if n_isolated := sequence.n_verts - len(mesh.used_verts):
+    if n_isolated := int((~is_used).sum()):
         notes.unwritten(f"left out {counted(n_isolated, 'vertex')} that no face uses")
-        frames = frames[:, mesh.used_verts]
+        frames = frames[:, is_used]
     placement = placement_for(frames, budget.max_added or np.inf)
     if placement is not IDENTITY:
         origin = " ".join(f"{coordinate:g}" for coordinate in placement.offset)
@@ -144,7 +146,7 @@ def write_vat(
             f"the mesh is centered at the origin, and the node of the file moves it to {origin}, "
             "where float32 is too coarse; keep the node when you import it"
         )
-    motion = Motion(frames, mesh.faces, placement, space.scale)
+    motion = Motion(frames, faces, placement, space.scale)
     grid = fit_grid(motion.n_verts, motion.n_frames, n_halves=2 if has_normals else 1)
 
     stream.progress("textures", 0.0)
@@ -159,7 +161,7 @@ def write_vat(
             f"{path.name} decodes to other texels, a defect of the library that wrote it; "
             "choose the other kind of textures"
         )
-    mesh.write(mesh_path, motion, grid.texel_uvs(), space, notes)
+    _write_rest_mesh(mesh_path, sequence, is_used, motion, grid.texel_uvs(), space, notes)
     document = remap_document(fps, grid, remap, stream.name or stem)
     text = json.dumps(document, ensure_ascii=False, indent=4)
     data_path.write_text(f"{text}\n", encoding="utf-8")
@@ -284,87 +286,65 @@ def placement_for(frames: Vertices, max_error: float) -> Placement:
     return Placement(center, 1.0)
 
 
-class RestMesh:
-    """The rest mesh, restricted to the vertices that faces use.
+def _write_rest_mesh(
+    path: Path,
+    sequence: MeshSequence,
+    is_used: npt.NDArray[np.bool_],
+    motion: Motion,
+    uvs: Floats,
+    space: MeshSpace,
+    notes: Notes,
+) -> None:
+    """Write a ``.glb`` file of the first frame.
 
     Parameters
     ----------
-    faces : int32 array of shape (M, 3)
-
-    Attributes
-    ----------
-    used_verts : int64 array of shape (V,)
-        Indices of the vertices that faces use, ascending.
-    faces : int32 array of shape (M, 3)
-        Faces as indices into these vertices.
+    is_used : bool array of shape (number of all vertices,)
+        Whether a face uses a vertex; others are left out.
+    uvs : float64 array of shape (V, 2)
+        UVs of the texels of the first frame; v is 0 at the bottom.
+    space : MeshSpace
+        Axes and units of the vertices in the file.
+    notes : Notes
+        Gains a sentence for everything of a material that glTF cannot store.
     """
+    surface, n_verts = sequence.surface, sequence.n_verts
+    if surface.hard_edges is not None and len(surface.hard_edges):
+        notes.unwritten(
+            f"left out {counted(len(surface.hard_edges), 'hard edge')}: textures store one normal "
+            "per vertex"
+        )
+    # The UVs of texels are the second UV set; the first is zeros if there is none.
+    rows = np.zeros((n_verts, 2))
+    rows[is_used] = uvs
+    attributes = list(surface.attributes)
+    uv_indices = [index for index, attribute in enumerate(attributes) if attribute.kind is Kind.UV]
+    if not uv_indices:
+        zeros = np.zeros((n_verts, 2), np.float32)
+        attributes.insert(0, Attribute("uv", Kind.UV, Domain.VERTEX, zeros))
+        uv_indices = [0]
+    texel_uvs = Attribute(TEXEL_UVS, Kind.UV, Domain.VERTEX, rows)
+    attributes.insert(uv_indices[0] + 1, texel_uvs)
+    surface = replace(surface, parts=(), hard_edges=None, attributes=tuple(attributes))
 
-    def __init__(self, faces: Faces, surface: Surface, n_verts: int) -> None:
-        self._n_verts = n_verts
-        # Textures store one normal per vertex, so hard edges are lost.
-        self._n_hard_edges = 0 if surface.hard_edges is None else len(surface.hard_edges)
-        self._all_faces, self._surface = faces, replace(surface, parts=(), hard_edges=None)
-        is_used = np.zeros(n_verts, bool)
-        is_used[faces] = True
-        self.used_verts: npt.NDArray[np.intp] = np.flatnonzero(is_used)
-        self._compact_indices = np.cumsum(is_used) - 1
-        self.faces: npt.NDArray[np.int32] = self._compact_indices[faces].astype(np.int32)
-
-    def write(
-        self,
-        path: Path,
-        motion: Motion,
-        uvs: Floats,
-        space: MeshSpace,
-        notes: Notes,
-    ) -> None:
-        """Write a ``.glb`` file of the first frame.
-
-        Parameters
-        ----------
-        uvs : float64 array of shape (V, 2)
-            UVs of the texels of the first frame; v is 0 at the bottom.
-        space : MeshSpace
-            Axes and units of the vertices in the file.
-        notes : Notes
-            Gains a sentence for everything of a material that glTF cannot store.
-        """
-        if self._n_hard_edges:
-            notes.unwritten(
-                f"left out {counted(self._n_hard_edges, 'hard edge')}: textures store one normal "
-                "per vertex"
-            )
-        # The UVs of texels are the second UV set; the first is zeros if there is none.
-        rows = np.zeros((self._n_verts, 2))
-        rows[self.used_verts] = uvs
-        attributes = list(self._surface.attributes)
-        uv_indices = [
-            index for index, attribute in enumerate(attributes) if attribute.kind is Kind.UV
-        ]
-        if not uv_indices:
-            zeros = np.zeros((self._n_verts, 2), np.float32)
-            attributes.insert(0, Attribute("uv", Kind.UV, Domain.VERTEX, zeros))
-            uv_indices = [0]
-        texel_uvs = Attribute(TEXEL_UVS, Kind.UV, Domain.VERTEX, rows)
-        attributes.insert(uv_indices[0] + 1, texel_uvs)
-        surface = replace(self._surface, attributes=tuple(attributes))
-        normals, rest = next(motion.normals()).astype(np.float32), motion.rest
-        if space.rotation is not None:
-            normals, rest = to_blender(normals), to_blender(rest)
-        rest = (rest * space.scale).astype(np.float32)
-        name = path.stem
-        scene = SceneWriter(name, [0.0], WriteOptions(), notes)
-        materials = Materials(surface, scene.buffer, notes)
-        [part] = split_parts(self._all_faces, surface, self._n_verts, "")
-        split = split_at_seams(part).with_indices(self._compact_indices, self._compact_indices)
-        morph_mesh = MorphMesh(motion.placement, rest, None, NormalTargets(normals), np.zeros(1))
-        node = scene.tree.add(name, 0, motion.placement)
-        if space.rotation is not None:
-            transform = {"rotation": list(space.rotation), "scale": [1 / space.scale] * 3}
-            scene.tree.nodes[node] |= transform
-        scene.meshes.append(write_mesh(name, split, morph_mesh, scene.buffer, materials))
-        document = scene.assemble(materials)
-        write_document(path, document, scene.buffer, "leave out attributes (--attributes)")
+    normals, rest = next(motion.normals()).astype(np.float32), motion.rest
+    if space.rotation is not None:
+        normals, rest = to_blender(normals), to_blender(rest)
+    rest = (rest * space.scale).astype(np.float32)
+    name = path.stem
+    scene = SceneWriter(name, [0.0], WriteOptions(), notes)
+    materials = Materials(surface, scene.buffer, notes)
+    [part] = split_parts(sequence.faces, surface, n_verts, "")
+    compact_indices = np.cumsum(is_used) - 1
+    split = split_at_seams(part).with_indices(compact_indices, compact_indices)
+    morph_mesh = MorphMesh(motion.placement, rest, None, NormalTargets(normals), np.zeros(1))
+    node = scene.tree.add(name, 0, motion.placement)
+    if space.rotation is not None:
+        transform = {"rotation": list(space.rotation), "scale": [1 / space.scale] * 3}
+        scene.tree.nodes[node] |= transform
+    scene.meshes.append(write_mesh(name, split, morph_mesh, scene.buffer, materials))
+    document = scene.assemble(materials)
+    write_document(path, document, scene.buffer, "leave out attributes (--attributes)")
 
 
 def _smallest_texture(
