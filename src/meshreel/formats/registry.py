@@ -6,7 +6,6 @@ imported when a file with that extension is first read or written.
 
 import os
 from collections.abc import Iterator, Mapping
-from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -40,7 +39,8 @@ class Formats(Mapping[str, Row]):
 
     def __getitem__(self, extension: str) -> Row:
         """Return the format of an extension."""
-        return cast("Row", _row(self._modules[extension], extension))
+        rows = import_module(f"meshreel.formats.{self._modules[extension]}").FORMATS
+        return cast("Row", next(row for row in rows if row.extension == extension))
 
     def __iter__(self) -> Iterator[str]:
         """Iterate over the extensions."""
@@ -53,12 +53,6 @@ class Formats(Mapping[str, Row]):
     def __contains__(self, extension: object) -> bool:
         """Whether an extension is known, without importing its module."""
         return extension in self._modules
-
-
-@cache
-def _row(module: str, extension: str) -> object:
-    rows = import_module(f"meshreel.formats.{module}").FORMATS
-    return next(row for row in rows if row.extension == extension)
 
 
 _FRAME_MODULES = {
