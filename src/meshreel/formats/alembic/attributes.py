@@ -210,20 +210,7 @@ def _is_single(param: GeometryParam, geometry: Properties) -> bool:
 
 def animated_quantities(path: str, geometry: Properties, notes: Notes) -> dict[str, Quantity]:
     """Return the animated properties of a mesh by property name, with unique track names."""
-    quantities: dict[str, Quantity] = {}
-    names: set[str] = set()
-    for key, quantity in _animated(geometry):
-        name = quantity.name
-        while name in names:
-            name += "_"
-        names.add(name)
-        if name != quantity.name:
-            notes.changed(f"{path} has {quantity.name!r} twice; the second is called {name!r}")
-        quantities[key] = replace(quantity, name=name)
-    return quantities
-
-
-def _animated(geometry: Properties) -> Iterator[tuple[str, Quantity]]:
+    found: list[tuple[str, Quantity]] = []
     segment_names = segment_attributes(geometry)
     for param in geometry_params(geometry):
         declared_kind = param.source.metadata.get(TRACK_KIND, "")
@@ -232,15 +219,29 @@ def _animated(geometry: Properties) -> Iterator[tuple[str, Quantity]]:
         if is_track and param.source.name not in segment_names:
             kind = declared_kind or ("" if param.kind is Kind.OTHER else str(param.kind))
             role = NORMALS_ROLE if param.interpretation == "normal" else ""
-            yield param.source.name, param.quantity(param.name, kind, role)
+            found.append((param.source.name, param.quantity(param.name, kind, role)))
     user = geometry.get(USER)
     if NORMALS in geometry and not (user is not None and COMPUTED in user.properties):
         normals = GeometryParam(geometry[NORMALS])
         if not normals.is_constant:
-            yield NORMALS, normals.quantity(NORMALS, "", NORMALS_ROLE, transform_normals)
+            quantity = normals.quantity(NORMALS, "", NORMALS_ROLE, transform_normals)
+            found.append((NORMALS, quantity))
     if VELOCITIES in geometry and not geometry[VELOCITIES].is_constant:
         rate, name = GeometryParam(geometry[VELOCITIES]), VELOCITIES.strip(".")
-        yield VELOCITIES, rate.quantity(name, TrackKind.VELOCITY, "", transform_vectors)
+        quantity = rate.quantity(name, TrackKind.VELOCITY, "", transform_vectors)
+        found.append((VELOCITIES, quantity))
+
+    quantities: dict[str, Quantity] = {}
+    names: set[str] = set()
+    for key, quantity in found:
+        name = quantity.name
+        while name in names:
+            name += "_"
+        names.add(name)
+        if name != quantity.name:
+            notes.changed(f"{path} has {quantity.name!r} twice; the second is called {name!r}")
+        quantities[key] = replace(quantity, name=name)
+    return quantities
 
 
 def read_attributes(

@@ -66,9 +66,6 @@ class PlyElement:
         )
 
 
-Offsets = npt.NDArray[np.int64]
-
-
 @dataclass(frozen=True, eq=False)
 class PlyBody:
     """The numbers of a file after the header."""
@@ -122,7 +119,7 @@ class PlyTable:
 
     element: PlyElement
     body: PlyBody
-    offsets: dict[str, Offsets]
+    offsets: dict[str, npt.NDArray[np.int64]]
     """dict of str to int64 array of shape (number of rows,). Byte offset of each property in each
     row; for a list, that of its length.
     """
