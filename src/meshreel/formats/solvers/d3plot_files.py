@@ -271,29 +271,44 @@ class D3plotLayout:
     def __init__(self, words: Words) -> None:
         self.words = words
         self.control: dict[str, int] = _read_control(words)
+        control = self.control
         self._check_supported()
-        self._position = N_CONTROL + self.control["extra"]
+        self._position = N_CONTROL + control["extra"]
         self._n_rigid_shells, self._material_types = 0, np.empty(0, np.int64)
-        if self.control["ndim"] == 5:
+        if control["ndim"] == 5:
             self._n_rigid_shells, n_materials = self._next_integers(2).tolist()
             self._material_types = self._next_integers(n_materials)
-        self._position += self.control["ialemat"]
+        self._position += control["ialemat"]
 
         # Numbers of words: per SPH particle, and of airbags in the geometry and in each state.
         n_sph = particle_words = particle_state_words = 0
-        if self.control["nmsph"]:
+        if control["nmsph"]:
             flags = words.integers(self._position, int(self._next_integers(1)[0]))
             self._position += len(flags) - 1
             n_sph = 1 + int(np.abs(flags[1:]).sum())
-        if self.control["npefg"]:
-            n_bags, version = self.control["npefg"] % 1000, self.control["npefg"] // 1000
+        if control["npefg"]:
+            n_bags, version = control["npefg"] % 1000, control["npefg"] // 1000
             n_geometry, n_values, n_particles, n_state = self._next_integers(4).tolist()
             self._position += (version == 4) + 9 * (n_geometry + n_values + n_state)
             particle_words = n_bags * n_geometry
             particle_state_words = n_bags * n_state + n_particles * n_values
 
         self._read_geometry()
-        self._read_other_geometry(particle_words)
+        # Of the tables that follow, only further nodes of ten-node solids are read.
+        self._position += 2 * control["nadapt"] + 2 * control["nmsph"] + particle_words
+        if control["has_ten_nodes"]:
+            self._last_nodes = self._next_integers(2 * control["nel8"]).reshape(-1, 2) - 1
+        if self._last_nodes.max(initial=-1) >= self.n_nodes:
+            raise FormatError(
+                f"has ten-node solids with node numbers above {self.n_nodes}; it is damaged"
+            )
+        self._position += 5 * control["nel48"] + 13 * control["nel20"]
+        if self._position > words.n_words:
+            raise FormatError(
+                f"needs {self._position} words of geometry; its files have {words.n_words}: "
+                "one is missing or truncated"
+            )
+
         self._titles = self._read_titles()
         self.sections: dict[str, Section] = {}
         self.state_words: int = self._place_sections(n_sph, particle_state_words)
@@ -507,23 +522,6 @@ class D3plotLayout:
         sizes = [self.control[name] for name in ("numnp", "nel8", "nel2", "nel4", "nelt")]
         declared_sizes: list[int] = self.words.integers(self._position, N_SIZES)[5:].tolist()
         return declared_sizes == sizes
-
-    def _read_other_geometry(self, particle_words: int) -> None:
-        """Read the further nodes of ten-node solids, and skip other tables."""
-        control = self.control
-        self._position += 2 * control["nadapt"] + 2 * control["nmsph"] + particle_words
-        if control["has_ten_nodes"]:
-            self._last_nodes = self._next_integers(2 * control["nel8"]).reshape(-1, 2) - 1
-        if self._last_nodes.max(initial=-1) >= self.n_nodes:
-            raise FormatError(
-                f"has ten-node solids with node numbers above {self.n_nodes}; it is damaged"
-            )
-        self._position += 5 * control["nel48"] + 13 * control["nel20"]
-        if self._position > self.words.n_words:
-            raise FormatError(
-                f"needs {self._position} words of geometry; its files have {self.words.n_words}: "
-                "one is missing or truncated"
-            )
 
     def _read_titles(self) -> dict[int, str]:
         """Return titles of parts by their number; the position moves to the states."""

@@ -23,7 +23,6 @@ from meshreel.formats.options import Reading
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.scenes.timing import ascending_times
 from meshreel.formats.solvers.ensight_files import (
-    Columns,
     Part,
     Tables,
     find_columns,
@@ -319,7 +318,11 @@ class _Steps:
         self._lines = lru_cache(maxsize=2)(read_lines)
         self._order = cache(find_order)
         self._find = cache(lambda path: find_parts(self._open(path, path), reading.notes))
-        self._columns = cache(self._find_columns)
+        self._columns = cache(
+            lambda path, width, step: find_columns(
+                self._open(path, self._geometry_file(step)), self.parts(step), width
+            )
+        )
 
     def parts(self, index: int) -> dict[int, Part]:
         """Return the parts of a frame by number."""
@@ -389,10 +392,6 @@ class _Steps:
                 step = int(np.abs(times.times_s - self._time_set.times_s[index]).argmin())
         path = self._case.file(variable.files, step)
         return path, variable.width, self.elements_step(index)
-
-    def _find_columns(self, path: Path, width: int, step: int) -> Columns:
-        tables = self._open(path, self._geometry_file(step))
-        return find_columns(tables, self.parts(step), width)
 
     def _geometry(self, index: int) -> Tables:
         path = self._geometry_file(index)
