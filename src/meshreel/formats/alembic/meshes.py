@@ -251,8 +251,8 @@ def read_meshes(path: Path, reading: Reading) -> list[SceneMesh]:
     if not meshes:
         schemas = (node.object.schema for node in nodes)
         counts = Counter(OTHER_SCHEMAS[schema] for schema in schemas if schema in OTHER_SCHEMAS)
-        contents = ", ".join(f"{noun} ({count})" for noun, count in sorted(counts.items()))
-        contents = contents or ("transforms" if nodes else "no objects")
+        others = ", ".join(f"{noun} ({count})" for noun, count in sorted(counts.items()))
+        contents = others or ("transforms" if nodes else "no objects")
         raise FormatError(f"contains no mesh, only {contents}; export polygon meshes into it")
     parents, mesh_nodes = {node.parent for node in nodes}, {*meshes}
     names = defaultdict[str, list[str]](list)
