@@ -42,14 +42,7 @@ from meshreel.model.notes import (
     note_unwritten_units,
 )
 from meshreel.model.sequence import Faces, Vertices
-from meshreel.model.surface import (
-    SURFACE_DOMAINS,
-    VALUE_TYPES,
-    Attribute,
-    Domain,
-    Kind,
-    Surface,
-)
+from meshreel.model.surface import SURFACE_DOMAINS, VALUE_TYPES, Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource, is_color, track_blocks, value_range
 
 INDEX_NAMES = ("vertex_indices", "vertex_index")
@@ -71,9 +64,8 @@ TYPE_NAMES = {
 Column = tuple[str, Values]
 """Name and values of a property."""
 
-RESERVED = {*NOT_ATTRIBUTES, *COLOR_NAMES[0], *(name for names in UV_NAMES for name in names)}
-
-RESERVED |= {*INDEX_NAMES, CORNER_UV_NAME, *(names[1] for names in COLOR_NAMES)}
+RESERVED = {*NOT_ATTRIBUTES, *INDEX_NAMES, CORNER_UV_NAME, *COLOR_NAMES[0]}
+RESERVED |= {*(names[1] for names in COLOR_NAMES), *(name for names in UV_NAMES for name in names)}
 """Property names with a fixed meaning. Without green, other names of channels are no color."""
 
 UNSUPPORTED = "vectors, or several components that are not colors, normals or UV coordinates"
