@@ -3,7 +3,6 @@
 import pickle
 import warnings
 from contextlib import ExitStack
-from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -102,49 +101,16 @@ HEAT_BOUND = PERCENT / 100 * np.ptp(HEAT)
 ANGLE_DEG = np.degrees(2 * np.arcsin(PERCENT / 100))
 
 
-def assert_bounded(sequence, data, heat=HEAT_BOUND):
-    errors = meshreel.compare(sequence, data)
-    bounds = {track.name: track.bound for track in meshreel.info(data).tracks}
-    assert 0 < errors.max_error_percent <= PERCENT
+@pytest.mark.parametrize(
+    ("tracks", "heat"), [(None, HEAT_BOUND), ({"heat": "400mK"}, 0.4)], ids=["all", "but one"]
+)
+def test_bound_is_that_of_positions_and_of_tracks_without_another(tracks, heat):
+    data = meshreel.encode(SEQUENCE, bound=f"{PERCENT}%", tracks=tracks)
+    assert data == meshreel.encode(SEQUENCE, bound=PERCENT, tracks=tracks)
     assert meshreel.info(data).error_bound_percent == pytest.approx(PERCENT)
+    bounds = {track.name: track.bound for track in meshreel.info(data).tracks}
     assert bounds == {"heat": pytest.approx(heat), "up": pytest.approx(ANGLE_DEG), "state": 0}
-    for name, bound in bounds.items():
-        assert errors.tracks[name].largest <= bound
-    assert errors.tracks["heat"].largest > 0.5 * heat
-
-
-def test_positions_and_all_tracks_are_within_the_bound():
-    data = meshreel.encode(SEQUENCE, bound=f"{PERCENT}%")
-    assert_bounded(SEQUENCE, data)
-    assert data == meshreel.encode(SEQUENCE, bound=PERCENT)
-
-
-def test_tracks_may_have_other_bounds():
-    data = meshreel.encode(SEQUENCE, bound=PERCENT, tracks={"heat": "400mK"})
-    assert_bounded(SEQUENCE, data, heat=0.4)
-
-
-def test_it_applies_to_live_frames():
-    file = BytesIO()
-    with meshreel.Encoder(GRID.faces, file, bound=PERCENT) as encoder:
-        for number, frame in enumerate(GRID.vertices):
-            single = slice(number, number + 1)
-            encoder.push(
-                frame,
-                tracks={
-                    name: Track(track.values[single], kind=track.kind, unit=track.unit)
-                    for name, track in TRACKS.items()
-                },
-            )
-    assert_bounded(SEQUENCE, file.getvalue())
-
-
-def test_it_is_relative_to_the_range_in_all_segments():
-    other = waving_grid(9, 4, 4).replace(tracks={"heat": Track(np.zeros((9, 16)), unit="K")})
-    several = meshreel.MeshSequence.of_segments([SEQUENCE, other])
-    data = meshreel.encode(several, bound=PERCENT)
-    heat = next(track for track in meshreel.info(data).tracks if track.name == "heat")
-    assert heat.bound == pytest.approx(HEAT_BOUND)
+    assert 0.5 * heat < meshreel.compare(SEQUENCE, data).tracks["heat"].largest <= heat
 
 
 def test_one_frame_on_a_grid_is_within_the_bound():

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
 
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
@@ -14,36 +13,8 @@ DEFAULT_KG = 0.5
 """Upper limit, in percent, of errors of the default quality."""
 
 
-def test_sequence_round_trips():
-    sequence = waving_grid()
-    data = encode(sequence)
-    assert info(data).method == "reel"
-    decoded = decode(data)
-    assert kg_error_percent(sequence.vertices, decoded.vertices) < DEFAULT_KG
-    np.testing.assert_array_equal(decoded.faces, sequence.faces)
-    assert (decoded.fps, decoded.name) == (25.0, "grid")
-
-
 def test_encoding_is_deterministic():
     assert encode(irregular_sequence()) == encode(irregular_sequence())
-
-
-@pytest.mark.parametrize("order", ["keep", "vertices"])
-def test_vertices_keep_their_order(order):
-    sequence = irregular_sequence()
-    decoded = decode(encode(sequence, step=1e-5, order=order))
-    assert kg_error_percent(sequence.vertices, decoded.vertices) < 0.02
-
-
-def test_order_drop_preserves_the_mesh_up_to_order():
-    sequence = waving_grid(4, dtype=np.float64)
-    decoded = decode(encode(sequence, step=1e-5, order="drop"))
-    centers, centers_hat = (
-        mesh.vertices[2][mesh.faces].mean(axis=1) for mesh in (sequence, decoded)
-    )
-    distance, partner = cKDTree(centers_hat).query(centers)
-    assert distance.max() < 1e-4
-    assert sorted(partner) == list(range(sequence.n_faces))
 
 
 def test_static_sequence_round_trips():

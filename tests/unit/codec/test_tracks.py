@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.codec.bitstream.layout import Section
-from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.tracks import Coding, Sharing, TrackHeader, write_track
 from meshreel.errors import MemoryLimitError
@@ -34,13 +32,6 @@ STRESS = TrackHeader(
 
 def stored(name):
     return (FOLDER / f"{name}.reel").read_bytes()
-
-
-def opened(track):
-    """A stream whose only track has this section TRACK."""
-    stream = Stream(stored("still_track"))
-    parts = [(one, track if one is Section.TRACK else own) for one, own in parts_of(stream)]
-    return whole_stream(raw_stream(stream.header, parts))
 
 
 def test_header_of_a_track_round_trips():
@@ -71,21 +62,6 @@ def test_header_of_a_predicted_track_round_trips(coding):
     assert len(track.placement) == 1 + (2 if coding is Coding.ROTATIONS else 3)
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_decoded_values_have_the_shapes_of_the_headers(name):
-    opened = whole_stream(stored(name))
-    n_items = {
-        domain: opened.surface.n_items(domain, opened.n_verts, len(opened.file.faces))
-        for domain in Domain
-    }
-    result = track_values(stored(name))
-    assert len(result) == len(opened.tracks) > 0
-    for values, track in zip(result, track_headers(stored(name)), strict=True):
-        shape = opened.n_frames, n_items[track.domain], track.n_columns
-        assert (values.shape, values.dtype) == (shape, track.dtype)
-        assert np.isfinite(values).all() or track.name == "gaps"
-
-
 def test_static_track_is_decoded_to_its_origin():
     (values,) = track_values(stored("still_track"))
     assert np.all(values == 0.5)
@@ -107,23 +83,6 @@ def test_values_are_selected_as_numpy_selects_them(index, monkeypatch):
         np.testing.assert_array_equal(track[index], expected)
         with pytest.raises(IndexError, match="out of bounds"):
             track[:, 10**6]
-
-
-def test_positions_are_the_same_with_tracks():
-    data = stored("tracks")
-    stream = Stream(data)
-    alone, is_position = [], True
-    for section, payload in parts_of(stream):
-        is_position = section is not Section.TRACK_BLOCK and (
-            is_position or section is Section.BLOCK
-        )
-        if is_position and section is not Section.TRACK:
-            alone.append((section, payload))
-    whole = meshreel.decode(data)
-    np.testing.assert_array_equal(
-        whole.vertices, meshreel.decode(raw_stream(stream.header, alone)).vertices
-    )
-    assert [track.name for track in meshreel.info(data).tracks] == ["stress", "flow", "\u03c3"]
 
 
 def without_index(data):

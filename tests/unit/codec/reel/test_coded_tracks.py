@@ -14,7 +14,6 @@ from meshreel.codec.reel.encoding.track_coders import (
     TrackCoder,
     length_allowed,
 )
-from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.track_bounds import Measure, TrackBound
 from meshreel.errors import InvalidInputError
 from meshreel.model.tracks import TrackKind
@@ -39,11 +38,6 @@ def sizes():
     moving = quad_sheet(12)
     n_faces = moving.surface.n_faces(moving.n_faces)
     return moving.n_verts, n_faces, int(moving.surface.sizes(moving.n_faces).sum())
-
-
-def largest(one, other):
-    apart = one.values.astype(float) - other.values
-    return np.linalg.norm(apart, axis=2).max()
 
 
 def over_space(places):
@@ -108,17 +102,6 @@ def test_every_value_is_within_its_bound(order, dtype, block_frames):
         assert 0.2 * allowed[name] < np.linalg.norm(apart, axis=2).max() <= allowed[name]
 
 
-def test_values_of_faces_and_corners_are_within_their_bounds():
-    _, n_faces, n_corners = sizes()
-    original = quad_sheet_with(
-        area=meshreel.Track(smooth(n_faces, 1), "face"),
-        shade=meshreel.Track(smooth(n_corners, 2), "corner"),
-    )
-    decoded = meshreel.decode(meshreel.encode(original, tracks={"area": 0.3, "shade": 0.4}))
-    assert largest(original.tracks["area"], decoded.tracks["area"]) <= 0.3
-    assert largest(original.tracks["shade"], decoded.tracks["shade"]) <= 0.4
-
-
 def test_normals_have_length_one_and_are_within_their_angle():
     n_verts = sizes()[0]
     normals = unit(smooth(n_verts, 3, dtype=np.float64) - 300)
@@ -150,28 +133,6 @@ def test_colors_are_as_accurate_as_their_bits():
 def test_dropping_tracks_gives_the_file_without_tracks():
     original = quad_sheet_with(heat=smooth(sizes()[0], 1))
     assert meshreel.encode(original, tracks={"heat": "drop"}) == meshreel.encode(quad_sheet_with())
-
-
-def test_single_track_is_read_from_a_file():
-    n_verts = sizes()[0]
-    original = quad_sheet_with(
-        heat=meshreel.Track(smooth(n_verts, 1), unit="K"), flow=smooth(n_verts, 3)
-    )
-    data = meshreel.encode(original, block_frames=5, tracks={"heat": 1})
-    whole = meshreel.decode(data)
-    with ReelFile(BytesIO(data)) as reel:
-        heat = reel.track("heat")
-        assert (len(heat), heat.shape, heat.unit) == (12, (12, n_verts, 1), "K")
-        assert heat.error_bound == 1
-        np.testing.assert_array_equal(heat[7], whole.tracks["heat"][7])
-        np.testing.assert_array_equal(heat[-1], whole.tracks["heat"][11])
-        np.testing.assert_array_equal(heat[3:9], whole.tracks["heat"][3:9])
-        np.testing.assert_array_equal(heat[[9, 1, 9]], whole.tracks["heat"][[9, 1, 9]])
-        np.testing.assert_array_equal(list(heat), whole.tracks["heat"].values)
-        with pytest.raises(InvalidInputError, match="no track 'stress'; there are heat, flow"):
-            reel.track("stress")
-    some = meshreel.decode(data, frames=slice(4, 8))
-    np.testing.assert_array_equal(some.tracks["flow"].values, whole.tracks["flow"][4:8])
 
 
 REFUSED = {
@@ -375,11 +336,6 @@ def n_items(domain):
     return moving.surface.n_items(meshreel.Domain(domain), moving.n_verts, moving.n_faces)
 
 
-def assert_same_bits(found, expected):
-    assert found.dtype == expected.dtype
-    assert found.tobytes() == expected.tobytes()
-
-
 @pytest.mark.parametrize("dtype", TYPES)
 @pytest.mark.parametrize("domain", ["vertex", "face", "corner"])
 def test_exact_tracks_are_lossless(dtype, domain):
@@ -389,7 +345,8 @@ def test_exact_tracks_are_lossless(dtype, domain):
         values[4, 2] = [-0.0, 1e-300 if dtype == "f8" else 1e-40]
     track = meshreel.Track(values, domain, "other")
     data = meshreel.encode(quad_sheet_with(x=track), tracks={"x": "exact"}, block_frames=5)
-    assert_same_bits(meshreel.decode(data).tracks["x"].values, values)
+    found = meshreel.decode(data).tracks["x"].values
+    assert (found.dtype, found.tobytes()) == (values.dtype, values.tobytes())
     [stored] = meshreel.info(data).tracks
     assert (stored.is_exact, stored.bound) == (True, 0)
     assert "exact" in str(stored)
@@ -430,24 +387,6 @@ def test_constant_integers_are_lossless_and_cost_almost_nothing():
     data = meshreel.encode(quad_sheet_with(part=meshreel.Track(ids, "face")))
     np.testing.assert_array_equal(meshreel.decode(data).tracks["part"].values[..., 0], ids)
     assert meshreel.info(data).tracks[0].size_bytes < ids.nbytes / 12
-
-
-@pytest.mark.slow
-def test_missing_values_stay_missing_and_others_keep_their_bound():
-    n_verts = n_items("vertex")
-    heat = (300 + 20 * np.sin(np.arange(12)[:, None] / 3 + np.arange(n_verts) / 9)).astype("f4")
-    heat[2:5, :7] = np.nan
-    heat[:, 9] = np.nan
-    for order in ("keep", "vertices"):
-        data = meshreel.encode(
-            quad_sheet_with(heat=heat), tracks={"heat": 0.5}, order=order, block_frames=7
-        )
-        result = meshreel.decode(data).tracks["heat"].values[..., 0]
-        np.testing.assert_array_equal(np.isnan(result), np.isnan(heat))
-        assert np.nanmax(np.abs(result - heat)) <= 0.5
-    nothing = np.full((12, n_verts), np.nan, np.float32)
-    data = meshreel.encode(quad_sheet_with(heat=nothing), tracks={"heat": "1%"})
-    assert np.isnan(meshreel.decode(data).tracks["heat"].values).all()
 
 
 def test_track_is_coded_exactly_when_that_is_smaller():

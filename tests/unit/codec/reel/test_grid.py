@@ -117,16 +117,6 @@ def test_grid_never_takes_more_bytes_than_lossless(percent):
     assert len(meshreel.encode(sequence, max_error=percent)) <= exact + 40
 
 
-def test_tracks_and_attributes_are_kept_with_the_grid():
-    sequence = noisy(12)
-    heat = meshreel.Track(np.random.default_rng(1).random((12, sequence.n_verts)), unit="K")
-    both = meshreel.MeshSequence(sequence.vertices, sequence.faces, tracks={"heat": heat})
-    data = meshreel.encode(both, max_error=1e-4, tracks={"heat": "exact"}, block_frames=5)
-    assert meshreel.info(data).method == "grid"
-    result = meshreel.decode(data).tracks["heat"].values
-    assert (np.squeeze(result) == np.squeeze(heat.values)).all()
-
-
 def test_live_frames_anywhere_are_within_the_bound():
     vertices = waving_grid(10).vertices * np.linspace(1, 40, 10, dtype=np.float32)[:, None, None]
     sequence = waving_grid(10).replace(vertices=vertices)

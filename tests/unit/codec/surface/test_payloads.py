@@ -196,12 +196,6 @@ def test_attributes_and_groups_follow_triangles_when_the_order_of_faces_is_dropp
     assert order_loss_note(given.surface, Order.KEEP) == ""
 
 
-def test_start_is_that_of_the_first_decoded_frame():
-    sequence = quad_sheet(8)
-    decoded = meshreel.decode(meshreel.encode(sequence, block_frames=4), frames=slice(5, 7))
-    assert decoded.start_s == pytest.approx((1001 + 5) / 24, abs=1e-12)
-
-
 def test_live_encoder_stores_surface_and_start():
     sequence = two_sheets()
     decoded = meshreel.decode(recorded(sequence, start_s=2.5))
@@ -215,11 +209,6 @@ def test_info_lists_the_parts_of_the_surface():
     assert info.n_polygons == len(two_sheets().surface.face_sizes)
     assert info.attributes[:2] == ("uv 'st' of corners", "color 'color' of vertices")
     assert info.start_s == 1001 / 24
-
-
-def test_size_target_includes_the_surface():
-    data = meshreel.encode(two_sheets(), size=3000)
-    assert 1500 < len(data) <= 3000
 
 
 def damaged_material(payload):
