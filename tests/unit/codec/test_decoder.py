@@ -7,48 +7,20 @@ import meshreel
 from meshreel.errors import CorruptStreamError
 from meshreel.kernel.files import OpenFile
 from meshreel.model.sequence import MeshSequence
-from meshreel.model.tracks import Track
 from meshreel.runtime import threads
 
-METHODS = ("reel", "lossless", "grid")
 
-
-def segments_of(n_segments=5, n_frames=40, *, with_tracks=True):
-    """Return segments whose faces differ, with velocities and values of faces."""
-    segments = []
-    for number in range(n_segments):
-        flag = meshreel.simulate_flag(n_frames, n_rows=5 + number, n_columns=6)
-        velocity = np.gradient(flag.vertices, axis=0) * flag.fps
-        heat = np.random.default_rng(number).random((n_frames, flag.n_faces, 1))
-        tracks = {"velocity": Track(velocity, kind="velocity"), "heat": heat}
-        segments.append(
-            MeshSequence(flag.vertices, flag.faces, flag.fps, tracks=tracks if with_tracks else {})
-        )
-    return MeshSequence.of_segments(segments)
+def segments_of(n_segments=5, n_frames=40):
+    """Return segments whose faces differ."""
+    sizes = range(5, 5 + n_segments)
+    return MeshSequence.of_segments(
+        [meshreel.simulate_flag(n_frames, n_rows=n, n_columns=6) for n in sizes]
+    )
 
 
 @pytest.fixture(params=[1, None], ids=["one core", "all cores"])
 def cores(request, monkeypatch):
     monkeypatch.setattr(threads, "_core_limit", request.param)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.usefixtures("cores")
-def test_segments_decoded_in_parallel_equal_those_decoded_alone(method):
-    given = segments_of(with_tracks=method != "grid")
-    options = {"step": 1e-3} if method == "grid" else {}
-    data = meshreel.encode(given, method, **options)
-    together = meshreel.decode(data)
-    assert len(together.segments) == len(given.segments)
-    for number, segment in enumerate(together.segments):
-        alone = meshreel.decode(data, segment=number)
-        np.testing.assert_array_equal(segment.read(0, segment.n_frames), alone.vertices)
-        np.testing.assert_array_equal(segment.faces, alone.faces)
-        assert list(segment.tracks) == list(alone.tracks)
-        for name, track in segment.tracks.items():
-            values = track.read(0, segment.n_frames)
-            np.testing.assert_array_equal(values, alone.tracks[name].values)
 
 
 @pytest.mark.slow
@@ -64,7 +36,7 @@ def test_ranges_of_frames_and_modes_are_those_of_single_segments():
 
 
 def test_first_damaged_segment_raises():
-    given = segments_of(with_tracks=False)
+    given = segments_of()
     data = bytearray(meshreel.encode(given, "lossless"))
     place = OpenFile(bytes(data), 1e9).segments[3]
     data[place.offset + place.size_bytes - 8] ^= 1
@@ -78,7 +50,7 @@ def test_first_damaged_segment_raises():
 @pytest.mark.parametrize("damages_mesh", [True, False])
 @pytest.mark.usefixtures("cores")
 def test_damage_of_the_first_segment_raises_though_others_share_its_mesh(damages_mesh):
-    first, other = segments_of(2, n_frames=20, with_tracks=False).segments
+    first, other = segments_of(2, n_frames=20).segments
     data = bytearray(meshreel.encode(meshreel.concatenate([first, other, first, other, first])))
     file = OpenFile(bytes(data), 1e9)
     place = file.segments[0]

@@ -50,23 +50,10 @@ def kg_error(sequence, data):
     return 100 * np.sqrt(error / spread)
 
 
-def test_decoding_returns_faces_and_frames_of_each_segment(sequence):
-    data = meshreel.encode(sequence)
-    for segment, segment_hat in decoded_pairs(sequence, data):
-        np.testing.assert_array_equal(segment_hat.faces, segment.faces)
-    assert largest_error(sequence, data) < 0.5
-    assert meshreel.info(data).segments[1].first_frame == 12
-
-
 def test_bound_is_relative_to_the_box_of_all_segments(sequence):
     data = meshreel.encode(sequence, max_error=0.2)
     assert 0.1 < largest_error(sequence, data) <= 0.2
     assert meshreel.info(data).error_bound_percent == pytest.approx(0.2)
-
-
-def test_all_segments_are_lossless(sequence):
-    for segment, segment_hat in decoded_pairs(sequence, meshreel.encode(sequence, lossless=True)):
-        np.testing.assert_array_equal(segment_hat.vertices, segment.vertices)
 
 
 def test_size_limits_the_bytes_of_all_segments(sequence):
@@ -200,27 +187,6 @@ def test_an_image_after_more_attributes_than_a_reference_counts_returns():
     decoded = meshreel.decode(meshreel.encode(meshreel.concatenate(segments), lossless=True))
     for one, expected in zip(decoded.segments, segments, strict=True):
         assert_same_surface(one.surface, expected.surface)
-
-
-def test_ranges_of_frames_are_decoded_across_segments(sequence):
-    data = meshreel.encode(sequence)
-    whole, part = (meshreel.decode(data), meshreel.decode(data, frames=slice(10, 14)))
-    assert part.starts == (0, 2, 4)
-    for number in range(4):
-        np.testing.assert_array_equal(part[number].vertices, whole[10 + number].vertices)
-
-
-def test_files_with_segments_are_read_frame_by_frame(sequence, tmp_path):
-    path = tmp_path / "a.reel"
-    path.write_bytes(meshreel.encode(sequence))
-    whole = meshreel.decode(path)
-    with meshreel.open(path) as reel:
-        assert (len(reel), reel.n_segments, reel.starts) == (18, 3, sequence.starts)
-        for number in (17, 3, 12, -1):
-            np.testing.assert_array_equal(reel[number].vertices, whole[number].vertices)
-        assert sum(1 for _ in reel) == 18
-        assert reel.info().n_frames == 18
-    assert isinstance(meshreel.decode(path, segment=1), MeshSequence)
 
 
 def test_folders_of_changing_meshes_are_encoded_as_segments(tmp_path):

@@ -21,7 +21,6 @@ from meshreel.codec.mesh_edits import MeshEdits
 from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.streaming import Encoder
 from meshreel.errors import InvalidInputError, TruncatedStreamError
-from meshreel.metrics.position_errors import position_errors
 from meshreel.model.sequence import MeshSequence
 from samples.meshes import (
     irregular_sequence,
@@ -74,16 +73,6 @@ def test_latency_determines_the_block_length():
     data = recorded(SEQUENCE, max_latency_s=0.5)
     expected = int(0.5 * 15 / 16 * (SEQUENCE.fps or 25))
     assert info(data).block_frames[0] == expected
-
-
-def test_error_bound_holds_for_frames_outside_the_first_box():
-    growing = meshreel.MeshSequence(
-        SEQUENCE.vertices * np.linspace(1, 30, 43, dtype=np.float32)[:, None, None], SEQUENCE.faces
-    )
-    data = recorded(growing, block_frames=8, max_error=0.5)
-    result = position_errors(growing.vertices, decode(data).vertices).max_error_percent
-    assert info(data).error_bound_percent == 0.5
-    assert result <= 0.5
 
 
 def test_growing_file_is_readable_up_to_the_last_block(tmp_path):
@@ -283,20 +272,6 @@ def recorded_segments(segments, file=None, **options):
             for number, frame in enumerate(segment.vertices):
                 encoder.push(frame, faces=segment.faces if number == 0 else None)
     return file.getvalue()
-
-
-@pytest.mark.parametrize("method", ["reel", "lossless", "grid"])
-def test_each_push_with_other_faces_begins_a_segment(method):
-    options = {"max_error": 0.5} if method == "grid" else {}
-    data = recorded_segments(GRIDS, method=method, block_frames=3, **options)
-    decoded = decode(data)
-    assert decoded.starts == (0, 7, 8, 12)
-    for grid, segment in zip(GRIDS, decoded.segments, strict=True):
-        np.testing.assert_array_equal(segment.faces, grid.faces)
-        vertices = segment.read(0, segment.n_frames)
-        assert kg_error_percent(grid.vertices, vertices) < 2
-        if method == "lossless":
-            np.testing.assert_array_equal(vertices, grid.vertices)
 
 
 def test_blocks_end_where_a_segment_begins():

@@ -27,17 +27,13 @@ TIMES: dict[str, list[float]] = {
 }
 
 
-def times_of(given):
-    return np.array(given, float)
-
-
 @pytest.mark.parametrize("times", TIMES.values(), ids=TIMES)
 def test_times_are_exact(times):
     sequence = waving_grid(len(times)).replace(times=times)
     stream = meshreel.encode(sequence, block_frames=2)
     decoded = meshreel.decode(stream)
     if sequence.timing.times is not None:
-        np.testing.assert_array_equal(decoded.times, times_of(times))
+        np.testing.assert_array_equal(decoded.times, times)
     assert decoded.timing == sequence.timing
     assert meshreel.ReelFile(BytesIO(stream)).timing == sequence.timing
 
@@ -56,50 +52,27 @@ def test_even_times_take_no_byte():
     assert meshreel.encode(sequence) == meshreel.encode(timed)
 
 
-def test_parts_of_a_file_keep_times():
-    sequence = waving_grid(5).replace(times=TIMES["solver"])
-    stream = meshreel.encode(sequence)
-    assert meshreel.decode(stream, frames=slice(2, 5)).times.tolist() == TIMES["solver"][2:]
-    reel = meshreel.ReelFile(BytesIO(stream))
-    assert reel[1:3].times.tolist() == TIMES["solver"][1:3]
-
-
-def several():
-    return meshreel.concatenate(
-        [waving_grid(3).replace(times=[0, 1, 3]), quad_sheet(2).replace(times=[4, 4.5])]
-    )
-
-
-def test_segments_keep_times():
-    stream = meshreel.encode(several())
+def test_joined_streams_keep_times():
+    parts = waving_grid(3).replace(times=[0, 1, 3]), quad_sheet(2).replace(times=[4, 4.5])
+    stream = join_streams([meshreel.encode(part) for part in parts])
     assert meshreel.decode(stream).times.tolist() == [0, 1, 3, 4, 4.5]
     assert meshreel.decode(stream, segment=1).times.tolist() == [4, 4.5]
     assert meshreel.ReelFile(BytesIO(stream)).segments[1].times.tolist() == [4, 4.5]
 
 
-def test_joined_streams_keep_times():
-    first, second = (meshreel.encode(part) for part in (several()[:3], several()[3:]))
-    assert meshreel.decode(join_streams([first, second])).times.tolist() == [0, 1, 3, 4, 4.5]
-
-
 GRID = waving_grid(5)
 
 
-def recorded(times, meshes=(GRID,), **options):
+def recorded(times, **options):
     output = BytesIO()
-    with meshreel.Encoder(meshes[0].faces, output, block_frames=2, **options) as encoder:
-        frames = [(frame, mesh.faces) for mesh in meshes for frame in mesh.vertices]
-        for time, (frame, faces) in zip(times, frames, strict=True):
-            encoder.push(frame, time=time, faces=faces)
+    with meshreel.Encoder(GRID.faces, output, block_frames=2, **options) as encoder:
+        for time, frame in zip(times, GRID.vertices, strict=True):
+            encoder.push(frame, time=time)
     return output.getvalue()
 
 
-def test_recordings_have_the_times_of_their_frames():
-    assert meshreel.decode(recorded(TIMES["random"])).times.tolist() == TIMES["random"]
+def test_recordings_at_even_times_have_a_rate():
     assert meshreel.decode(recorded(np.arange(5) / 50)).fps == 50
-    meshes = waving_grid(3), quad_sheet(2)
-    decoded = meshreel.decode(recorded([0, 1, 3, 4, 9], meshes))
-    assert (decoded.n_segments, decoded.times.tolist()) == (2, [0, 1, 3, 4, 9])
 
 
 def test_a_recording_that_is_cut_off_has_its_nominal_rate():

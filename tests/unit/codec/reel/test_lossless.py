@@ -8,7 +8,6 @@ from meshreel.codec.achieved import measure_stream
 from meshreel.codec.options import config_of
 from meshreel.codec.reel.normative import blocks
 from meshreel.errors import InvalidInputError, SolverError
-from meshreel.formats.options import WriteOptions
 from samples.meshes import quad_sheet, waving_grid
 from samples.orders import shuffled
 from samples.streams import recorded
