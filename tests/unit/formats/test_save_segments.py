@@ -99,15 +99,6 @@ def test_frame_files_have_the_mesh_of_their_segment(changing, tmp_path, extensio
     assert_data_as_of_single_segments(loaded, changing, tmp_path, f"f_%02d{extension}")
 
 
-def test_stl_files_have_the_triangles_of_their_segment(changing, tmp_path):
-    written = meshreel.save(changing, tmp_path / "f_%02d.stl")
-    for path, frame in zip(written, changing, strict=True):
-        corners = meshreel.load(path)
-        np.testing.assert_array_equal(
-            corners.vertices[0][corners.faces], frame.vertices[frame.faces]
-        )
-
-
 @pytest.mark.parametrize("extension", [".npz", ".mdd", ".pc2", ".h5", ".vat"])
 def test_formats_with_constant_faces_refuse_changes(changing, tmp_path, extension):
     message = r"8 frames in 3 segments.*--split.*one file per frame"
@@ -121,21 +112,6 @@ def test_frames_of_one_segment_are_written_in_any_format(changing, tmp_path, ext
     meshreel.save(changing[4:7], tmp_path / f"a{extension}")
     loaded = meshreel.load(tmp_path / f"a{extension}")
     np.testing.assert_array_equal(loaded.vertices, changing.segments[1].vertices)
-
-
-def test_reel_has_a_segment_for_each(changing, tmp_path, notes):
-    meshreel.save(changing, tmp_path / "a.reel", notes=notes)
-    assert_same_frames(meshreel.decode(tmp_path / "a.reel"), changing, atol=0.02)
-    assert any("encoded with a largest error of" in note for note in notes)
-
-
-def test_segments_of_a_reel_are_written_without_loading_all(changing, tmp_path):
-    data = meshreel.encode(changing, lossless=True)
-    (tmp_path / "a.reel").write_bytes(data)
-    with meshreel.open(tmp_path / "a.reel") as reel:
-        meshreel.save(reel, tmp_path / "f_%d.ply")
-    loaded = meshreel.load(str(tmp_path / "f_*.ply"), fps=FPS)
-    assert_same_frames(loaded, changing)
 
 
 def test_progress_counts_the_frames_of_all_segments(changing, tmp_path):

@@ -52,18 +52,6 @@ def test_progress_counts_the_frames_of_all_segments(changing):
     assert stages["reading"][-4:] == [(n_read, 5) for n_read in range(2, 6)]
 
 
-@pytest.mark.parametrize("extension", [".ply", ".vtp"])
-def test_each_segment_has_its_tracks(tmp_path, extension):
-    rng = np.random.default_rng(4)
-    wholes = []
-    for name, sheet in (("a", waving_grid(3)), ("b", quad_sheet(2))):
-        heat = rng.random((sheet.n_frames, sheet.n_verts)).astype(np.float32)
-        wholes.append(sheet.replace(tracks={"heat": Track(heat)}))
-        save(wholes[-1], tmp_path / f"{name}_%02d{extension}")
-    for segment, whole in zip(load(tmp_path).segments, wholes, strict=True):
-        assert_same_tracks(segment.tracks, whole.tracks)
-
-
 @pytest.fixture
 def reordered(tmp_path):
     """Write a mesh in motion with texture coordinates, its faces in another order in each file."""

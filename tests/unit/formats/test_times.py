@@ -10,7 +10,7 @@ from meshreel.formats.load import load
 from meshreel.formats.options import Reading
 from meshreel.formats.scenes.timing import ascending_times
 from meshreel.operations.save import save
-from samples.meshes import quad_sheet, waving_grid
+from samples.meshes import waving_grid
 
 TIMES = [0, 0.3171, 1, 1.3171, 2]  # as with motion blur
 EXACT = {
@@ -74,14 +74,6 @@ def test_times_that_do_not_ascend_need_a_rate(times, notes):
     options = Reading(fps=10, notes=notes)
     np.testing.assert_allclose(ascending_times(times_s, "step", options), [0, 0.1, 0.2])
     assert notes == ["frame times are not ascending; read in file order at 10 frames per second"]
-
-
-def test_times_cross_changes_of_faces(tmp_path):
-    whole = waving_grid(3).replace(times=[0, 1, 3]) + quad_sheet(2).replace(times=[4, 4.5])
-    save(whole + waving_grid(1).replace(times=[7]), tmp_path / "a.pvd")
-    loaded = load(tmp_path / "a.pvd")
-    assert (loaded.n_segments, loaded.times.tolist()) == (3, [0, 1, 3, 4, 4.5, 7])
-    assert loaded[2:4].times.tolist() == [3, 4]
 
 
 GAP = "frames 3 and 4 are missing"

@@ -149,13 +149,6 @@ def test_float64_positions_far_from_the_origin_meet_the_bound(tmp_path):
     assert largest_error_percent(sequence, result.world("grid")) <= 0.05
 
 
-def test_sequences_with_more_frames_than_coordinates_meet_the_bound(tmp_path):
-    time = np.arange(60)[:, None, None]
-    vertices = np.sin(time * np.arange(1, 13).reshape(4, 3) / 9)
-    sequence = MeshSequence(vertices, [[0, 1, 2], [1, 2, 3]], 25.0, "few")
-    assert largest_error_percent(sequence, written(tmp_path, sequence).world("few")) <= 0.1
-
-
 def test_irregular_mesh_keeps_its_triangles(tmp_path, notes):
     sequence = irregular_sequence()
     result = written(tmp_path, sequence, notes)
