@@ -159,7 +159,13 @@ def read_manifest(input_dir: Path | str, out_dir: Path, *, force: bool = False) 
     InvalidInputError
         If the file is not a manifest, or belongs to another input folder and `force` is false.
     """
-    path, relative_input = out_dir / MANIFEST_NAME, _input_from(out_dir, input_dir)
+    path, relative_input = out_dir / MANIFEST_NAME, str(input_dir)
+    if isinstance(input_dir, Path):  # a relative path stays valid if both folders are moved
+        try:
+            relative = os.path.relpath(input_dir.resolve(), out_dir.resolve())
+            relative_input = Path(relative).as_posix()
+        except ValueError:  # on another drive
+            relative_input = input_dir.resolve().as_posix()
     if not path.exists():
         return Manifest(path, relative_input, {})
     try:
@@ -179,14 +185,3 @@ def read_manifest(input_dir: Path | str, out_dir: Path, *, force: bool = False) 
             Keyword("force", True),
         )
     return Manifest(path, relative_input, records)
-
-
-def _input_from(out_dir: Path, input_dir: Path | str) -> str:
-    """Relative path to the input folder, valid if both are moved; or its remote address."""
-    if not isinstance(input_dir, Path):
-        return input_dir
-    try:
-        relative = os.path.relpath(input_dir.resolve(), out_dir.resolve())
-    except ValueError:  # on another drive
-        return input_dir.resolve().as_posix()
-    return Path(relative).as_posix()

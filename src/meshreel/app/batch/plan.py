@@ -74,7 +74,15 @@ def plan_batch(
         if len(group := by_output[batch_input.output]) > 1:
             names = " and ".join(item.name for item in group)
             reason = f"{names} would both become {batch_input.output}; rename one of them"
-        if not (reason or force) and _is_up_to_date(record, earlier, output):
+        is_unchanged = (
+            earlier is not None
+            and earlier.state == DONE
+            and (earlier.output, earlier.fingerprint, earlier.options)
+            == (record.output, record.fingerprint, record.options)
+            and output.is_file()
+            and output.stat().st_size == earlier.size_bytes
+        )
+        if is_unchanged and not (reason or force):
             plan.up_to_date.append(batch_input.name)
             continue
         output_exists = output.exists()
@@ -97,14 +105,3 @@ def plan_batch(
             plan.to_encode[batch_input] = record
             plan.replaced.update([batch_input] if output_exists else [])
     return plan
-
-
-def _is_up_to_date(record: Record, earlier: Record | None, output: Path) -> bool:
-    if earlier is None or earlier.state != DONE:
-        return False
-    unchanged = (earlier.output, earlier.fingerprint, earlier.options) == (
-        record.output,
-        record.fingerprint,
-        record.options,
-    )
-    return unchanged and output.is_file() and output.stat().st_size == earlier.size_bytes

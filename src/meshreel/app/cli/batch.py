@@ -25,8 +25,6 @@ from meshreel.runtime.counting import size_text
 
 if TYPE_CHECKING:
     from meshreel.app.batch.manifest import Record
-    from meshreel.app.batch.plan import Plan
-    from meshreel.app.batch.run import BatchReport
 
 SEQUENCE_EXTENSIONS = (
     ".npz .abc .usd .usda .usdc .usdz .glb .gltf .pc2 .mdd .h5 .hdf5 .hdf .vtkhdf .pvd .xdmf .xmf "
@@ -98,9 +96,12 @@ def batch_command(
     """
     from meshreel.app.batch.encode_input import EncodeOptions
     from meshreel.app.batch.plan import plan_batch
+    from meshreel.app.batch.run import run_batch
     from meshreel.codec.options import config_of
     from meshreel.model.surface_selection import listed_names
     from meshreel.runtime.stores.address import is_remote, refuse_address
+    from meshreel.runtime.threads import n_cores
+    from meshreel.runtime.workers.executors import executor_of
 
     if workers is not None and scheduler is not None:
         raise click.UsageError("--workers and --scheduler cannot be combined; give one")
@@ -111,7 +112,19 @@ def batch_command(
     refuse_address(out_dir, "the output folder")
     inputs = input_dir.rstrip("/") if is_remote(input_dir) else Path(input_dir)
     plan = plan_batch(inputs, Path(out_dir), options, force=force)
-    report = _run(plan, workers, scheduler)
+    if plan.to_encode:
+        workers = min(workers or n_cores(), len(plan.to_encode))
+        try:
+            with (
+                shown_progress() as progress,
+                executor_of(workers, scheduler, progress) as (executor, n_workers),
+            ):
+                report = run_batch(plan, executor, n_workers, progress=progress)
+        except KeyboardInterrupt:
+            print_error("stopped; finished streams are kept, and another run encodes the others")
+            raise
+    else:
+        report = run_batch(plan, None)
     records = report.encoded.items()
     print_notes(
         [Message.prefixed(f"{name}: ", note) for name, record in records for note in record.notes]
@@ -127,25 +140,6 @@ def batch_command(
         print_line(report.summary)
     if report.failed:
         raise click.exceptions.Exit(1)
-
-
-def _run(plan: "Plan", workers: int | None, scheduler: str | None) -> "BatchReport":
-    from meshreel.app.batch.run import run_batch
-    from meshreel.runtime.threads import n_cores
-    from meshreel.runtime.workers.executors import executor_of
-
-    if not plan.to_encode:
-        return run_batch(plan, None)
-    workers = min(workers or n_cores(), len(plan.to_encode))
-    try:
-        with (
-            shown_progress() as progress,
-            executor_of(workers, scheduler, progress) as (executor, n_workers),
-        ):
-            return run_batch(plan, executor, n_workers, progress=progress)
-    except KeyboardInterrupt:
-        print_error("stopped; finished streams are kept, and another run encodes the others")
-        raise
 
 
 def _row(name: str, record: "Record") -> tuple[str, ...]:

@@ -147,7 +147,14 @@ def check_output_position(command: click.Command, ctx: click.Context, args: Sequ
         return
     except click.UsageError:
         return  # Click reports it
-    words = [*_words([values.get(param.name) for param in arguments]), *extra]
+    words: list[str] = []
+    for param in arguments:  # the value of a missing argument is neither a string nor a tuple
+        value = values.get(param.name)
+        if isinstance(value, str):
+            words.append(value)
+        elif isinstance(value, tuple):
+            words.extend(value)
+    words += extra
     n_extra = len(words) - len(arguments)
     takes_list = any(param.nargs < 0 for param in arguments)
     for output in outputs:
@@ -182,17 +189,6 @@ def _refuse_argument(output: click.Parameter, ctx: click.Context, words: Sequenc
         first_input = shlex.join(inputs[:1]) + (" ..." if len(inputs) > 1 else "")
         line = " ".join(filter(None, [ctx.command_path, first_input, flag, shlex.quote(last)]))
         raise click.UsageError(f"the output is given with {flag}: {line}", ctx)
-
-
-def _words(values: Sequence[object]) -> list[str]:
-    """The words of arguments; the value of a missing argument is neither a string nor a tuple."""
-    words: list[str] = []
-    for value in values:
-        if isinstance(value, str):
-            words.append(value)
-        elif isinstance(value, tuple):
-            words.extend(value)
-    return words
 
 
 def _extension(word: str) -> str:

@@ -130,21 +130,17 @@ ENCODING_OPTIONS = tuple(
 
 def _checked(values: Encoding) -> Encoding:
     for name in ("bound", "max_error"):
-        if values[name] and _percent(values[name]) > MAX_PERCENT:
+        try:
+            percent = float((values[name] or "").removesuffix("%"))
+        except ValueError:  # none, or of another unit
+            continue
+        if percent > MAX_PERCENT:
             raise click.UsageError(
                 f"--{name.replace('_', '-')} must be at most {MAX_PERCENT}%, the size of the "
                 f"model; got {values[name]}; 0.1% is invisible on most models, 1% visible; 5u is "
                 "5 model units"
             )
     return values
-
-
-def _percent(text: str) -> float:
-    """The percentage that a text states; 0 if it has another unit."""
-    try:
-        return float(text.removesuffix("%"))
-    except ValueError:
-        return 0.0
 
 
 def encoding(**other_help: str) -> Group:

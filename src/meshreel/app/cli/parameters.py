@@ -115,10 +115,15 @@ def with_parameters(
                 is_rare = common is not None and option.name not in common
                 parameters.append(click_option(option, is_rare=is_rare))
         elif isinstance(declaration, Argument):
-            is_required = parameter.default is inspect.Parameter.empty
-            parameters.append(
-                _click_argument(parameter.name, annotation, declaration, required=is_required)
+            argument = ClickArgument(
+                [parameter.name],
+                type=click.Path(path_type=Path if annotation is Path else str),
+                nargs=-1 if get_origin(annotation) is tuple else 1,
+                required=parameter.default is inspect.Parameter.empty,
+                metavar=declaration.metavar,
             )
+            argument.help = declaration.help
+            parameters.append(argument)
         else:
             is_required = parameter.default is inspect.Parameter.empty
             default = None if is_required else parameter.default
@@ -159,21 +164,6 @@ def click_option(option: Option, *, required: bool = False, is_rare: bool = Fals
     )
     parameter.panel, parameter.is_rare = option.group, is_rare
     return parameter
-
-
-def _click_argument(
-    name: str, annotation: Any, declaration: Argument, *, required: bool
-) -> click.Argument:
-    is_list = get_origin(annotation) is tuple
-    argument = ClickArgument(
-        [name],
-        type=click.Path(path_type=Path if annotation is Path else str),
-        nargs=-1 if is_list else 1,
-        required=required,
-        metavar=declaration.metavar,
-    )
-    argument.help = declaration.help
-    return argument
 
 
 def _click_type(kind: Any, option: Option) -> Any:

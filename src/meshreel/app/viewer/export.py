@@ -124,7 +124,7 @@ def export_page(
         files |= {path.parent / part.file_name: part.data for part in parts}
         sizes = {part.role: len(part.data) for part in parts}
     total = sum(map(len, files.values()))
-    # Existing files with the same contents are kept; the page is replaced on request only.
+    # Files other than the page are kept if they exist with the same contents.
     stale = {
         file: contents
         for file, contents in files.items()
@@ -194,10 +194,8 @@ def original_stream(shown: PlayerData, progress: Progress = silent) -> OriginalS
     # Error bounds of the original tracks that differ from those of the file.
     targets = {}
     for heat in shown.tracks.heat_maps():
-        bound, unit = (
-            SHARE_OF_RANGE * heat["range"],
-            error_unit(shown.tracks.kind(heat["track"]), ""),
-        )
+        bound = SHARE_OF_RANGE * heat["range"]
+        unit = error_unit(shown.tracks.kind(heat["track"]), "")
         targets[heat["track"]] = f"{bound!r}{unit}" if bound else "exact"
     exact = [name for name in shown.tracks.names if name not in targets]
     targets |= {name: "exact" for name in exact if shown.tracks.differs(name)}

@@ -81,7 +81,8 @@ class Page:
         level : int
             Compression level of the script, 1..9.
         """
-        packed = _deflate(self.script, level)
+        packing = zlib.compressobj(level, zlib.DEFLATED, -zlib.MAX_WBITS)
+        packed = base64_of(packing.compress(self.script.encode()) + packing.flush())
         element = f'<script id="packed-script" type="text/plain">{packed}</script>'
         return self._fill(_data_script(data), f"{element}<script>{UNPACK_SCRIPT}</script>")
 
@@ -123,12 +124,6 @@ def json_text(value: Any) -> str:
 def base64_of(data: bytes) -> str:
     """Base64 text of bytes."""
     return base64.b64encode(data).decode()
-
-
-def _deflate(script: str, level: int) -> str:
-    """Base64 text of a deflated script."""
-    packing = zlib.compressobj(level, zlib.DEFLATED, -zlib.MAX_WBITS)
-    return base64_of(packing.compress(script.encode()) + packing.flush())
 
 
 def _data_script(data: Mapping[str, Any]) -> str:
