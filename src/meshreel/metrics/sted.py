@@ -260,7 +260,10 @@ def _temporal_error(original: Vertices, decoded: Vertices, reference: Reference)
             np.diff(vertices[:, part].astype(np.float64) * reference.scale, axis=0)
             for vertices in (original, decoded)
         )
-        speeds, speeds_hat = (_speeds(each, TIME_STEP * unit) for each in (moves, moves_hat))
+        speeds, speeds_hat = (
+            np.sqrt(np.einsum("fva,fva->fv", each, each) + (TIME_STEP * unit) ** 2)
+            for each in (moves, moves_hat)
+        )
         # s - s^ = (s^2 - s^^2) / (s + s^): small errors keep their digits.
         squares = np.einsum("fva,fva->fv", moves - moves_hat, moves + moves_hat)
         errors = np.abs(squares) / (speeds + speeds_hat)
@@ -280,7 +283,3 @@ def _windowed_means(speeds: Floats) -> Floats:
 
 def _lengths(vectors: Floats) -> Floats:
     return np.asarray(np.sqrt(np.einsum("ea,ea->e", vectors, vectors)))
-
-
-def _speeds(moves: Floats, time_step: float) -> Floats:
-    return np.asarray(np.sqrt(np.einsum("fva,fva->fv", moves, moves) + time_step**2))

@@ -235,18 +235,15 @@ def parts_of_report(
     parts += [machines] if machines else []
     parts += study.preface(collected)
     for results, pictures in measured:
-        parts += [f"## {results.name}", _shape_text(results.sequence)]
+        sequence = results.sequence
+        parts.append(f"## {results.name}")
+        parts.append(
+            f"{counted(sequence['n_frames'], 'frame')}, {counted(sequence['n_verts'], 'vertex')}, "
+            f"{counted(sequence['n_faces'], 'face')} "
+            f"(SHA-256 of the content begins with `{sequence['sha256'][:12]}`)."
+        )
         parts += study.section(results, pictures)
     return [*parts, *study.appendix()]
-
-
-def _shape_text(sequence: Mapping[str, Any]) -> str:
-    """Description of a sequence, from its identity in the results."""
-    return (
-        f"{counted(sequence['n_frames'], 'frame')}, {counted(sequence['n_verts'], 'vertex')}, "
-        f"{counted(sequence['n_faces'], 'face')} "
-        f"(SHA-256 of the content begins with `{sequence['sha256'][:12]}`)."
-    )
 
 
 def to_markdown(parts: Sequence[Part], folder: Path) -> str:
