@@ -82,7 +82,7 @@ def test_each_section_is_visited_once(monkeypatch):
     monkeypatch.setattr(OpenFile, "call", counted)
     meshreel.info(data)
     assert calls["section_at"] == len(sections)
-    assert calls["group_of"] == 5
+    assert calls["group_of"] == 5 * 3  # of positions and two tracks
 
 
 def test_damage_anywhere_in_a_file_is_detected(tmp_path):

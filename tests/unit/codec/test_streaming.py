@@ -454,3 +454,21 @@ def test_a_file_in_segments_is_encoded_within_its_memory_limit(tmp_path):
             meshreel.encode(reel)
     with meshreel.open(path, memory=1.1 * needed) as reel:
         assert decode(meshreel.encode(reel, "lossless")).n_segments == 12
+
+
+@pytest.mark.parametrize("size", [1e-5, 1.0])
+def test_values_beyond_the_range_of_the_first_block_begin_a_segment(size):
+    """The first values are round-off; relative to its range, later ones exceed integers or floats."""
+    moving = waving_grid(20)
+    values = np.random.default_rng(3).normal(size=(20, moving.n_verts))
+    values *= np.where(np.arange(20) < 10, 1e-16, size)[:, None]
+    file = BytesIO()
+    with meshreel.Encoder(moving.faces, file, bound="0.1%", block_frames=10) as encoder:
+        for vertices, stress in zip(moving.vertices, values, strict=True):
+            encoder.push(vertices, {"stress": stress})
+    segments = meshreel.decode(file.getvalue()).segments
+    assert encoder.n_segments == len(segments) == 2
+    for segment, original in zip(segments, (values[:10], values[10:]), strict=True):
+        track = segment.tracks["stress"]
+        assert np.abs(track.values[..., 0] - original).max() <= track.error_bound
+        assert track.error_bound <= 1.001e-3 * np.ptp(original)
