@@ -34,24 +34,3 @@ def test_the_papers_method_with_all_modes_round_trips_any_mesh(sequence, laplaci
     diagonal = np.linalg.norm(np.ptp(sequence.vertices, axis=(0, 1)))
     # The dictionary and the anchors are rounded to 16 bits.
     assert np.abs(decoded.vertices - sequence.vertices).max() <= 2e-3 * diagonal
-
-
-@settings(max_examples=draws(150))
-@given(
-    irregular_sequences(),
-    st.sampled_from([np.float32, np.float64]),
-    st.sampled_from(["keep", "vertices"]),
-    st.integers(1, 6),
-    st.booleans(),
-)
-def test_lossless_coding_preserves_every_bit_of_any_mesh(
-    sequence, dtype, order, block_frames, is_rounded
-):
-    vertices = np.round(sequence.vertices, 1) if is_rounded else sequence.vertices
-    sequence_of_type = MeshSequence((-vertices).astype(dtype), sequence.faces)  # zeros become -0.0
-    data = encode(sequence_of_type, lossless=True, order=order, block_frames=block_frames)
-    decoded = decode(data)
-    assert decoded.vertices.dtype == dtype
-    assert decoded.vertices.tobytes() == sequence_of_type.vertices.tobytes()
-    if order == "keep":
-        np.testing.assert_array_equal(decoded.faces, sequence.faces)
