@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -221,64 +221,85 @@ class Clips:
         """
         animation, document = self._animations[number], self._document
         animation.text("name", "")
-        samplers = animation.children("samplers", "sampler")
-        inputs, used_keys = dict[str, Floats | FormatError](), dict[str, Floats]()
-        curves, errors = dict[tuple[int, str], Curve](), list[FormatError]()
-        others, malformed = list[str](), list[str]()
-        for each in animation.children("channels", "channel"):
+        # Each loop reads one thing of all channels.
+        failures = dict[str, FormatError]()
+        channels = _read_channels(animation, failures)
+        samplers = {channel.input: channel.sampler for channel in channels}
+        keys, bad_keys = dict[str, Floats](), dict[str, FormatError]()
+        for name, sampler in samplers.items():
             try:
-                channel = _read_channel(each, samplers)
-                node, path, sampler = channel.node, channel.path, channel.sampler
-                if channel.input not in inputs:  # errors too, so that each is read once
-                    inputs[channel.input] = _read_keys(sampler, document)
-                if isinstance(keys_s := inputs[channel.input], FormatError):
-                    raise keys_s
-                if node >= 0 and node in self._moving[path]:
-                    values = document.read_floats(sampler, "output", PATHS[path][0])
-                    curves[node, path] = _curve(channel, keys_s, values, document)
-                elif node >= 0:
-                    others.append(f"{path} of {document.lists['nodes'][node].label()}")
-                else:
-                    others.append(path)
-                used_keys[channel.input] = keys_s
+                keys[name] = document.read_floats(sampler, "input", "SCALAR")[:, 0]
             except FormatError as error:
-                errors.append(error)
-                place = "" if each.place in str(error) else f"{each.place}, "
-                malformed.append(f"{place}{error}")
+                bad_keys[name] = error
+        for name, sampler in samplers.items():
+            if name in keys and (np.diff(keys[name]) < 0).any():
+                bad_keys[name] = FormatError(f"{sampler.place}: key times must be ascending")
+
+        moving, used, others = list[Channel](), set[str](), list[str]()
+        for channel in channels:
+            if channel.input in bad_keys:
+                failures[channel.place] = bad_keys[channel.input]
+            elif channel.node >= 0 and channel.node in self._moving[channel.path]:
+                moving.append(channel)
+                continue
+            else:
+                node = document.lists["nodes"][channel.node] if channel.node >= 0 else None
+                others.append(f"{channel.path} of {node.label()}" if node else channel.path)
+                used.add(channel.input)
+        values = dict[str, Floats]()
+        for channel in moving:
+            try:
+                kind, _ = PATHS[channel.path]
+                values[channel.place] = document.read_floats(channel.sampler, "output", kind)
+            except FormatError as error:
+                failures[channel.place] = error
+        curves = dict[tuple[int, str], Curve]()
+        for channel in moving:
+            try:
+                if channel.place in values:
+                    numbers, keys_s = values[channel.place], keys[channel.input]
+                    curves[channel.node, channel.path] = _curve(channel, keys_s, numbers, document)
+                    used.add(channel.input)
+            except FormatError as error:
+                failures[channel.place] = error
+
+        places = (each.place for each in animation.children("channels", "channel"))
+        errors = [(place, failures[place]) for place in places if place in failures]
         if errors and not curves:
-            raise errors[0]
-        all_keys_s = np.unique(np.concatenate([*used_keys.values()])) if used_keys else np.empty(0)
-        return Clip(all_keys_s, curves, tuple(others), tuple(malformed))
+            raise errors[0][1]
+        malformed = [str(e) if place in str(e) else f"{place}, {e}" for place, e in errors]
+        used_keys = [keys_s for name, keys_s in keys.items() if name in used]
+        keys_s = np.unique(np.concatenate(used_keys)) if used_keys else np.empty(0)
+        return Clip(keys_s, curves, tuple(others), tuple(malformed))
 
 
-def _read_keys(sampler: JsonObject, document: Document) -> Floats | FormatError:
-    """Return the key times of a sampler, or the error in them."""
-    try:
-        keys_s = document.read_floats(sampler, "input", "SCALAR")[:, 0]
-    except FormatError as error:
-        return error
-    if (np.diff(keys_s) < 0).any():
-        return FormatError(f"{sampler.place}: key times must be ascending")
-    return keys_s
+def _read_channels(animation: JsonObject, failures: dict[str, FormatError]) -> list[Channel]:
+    """Return the channels of an animation, and collect the errors of others by their places.
 
-
-def _read_channel(channel: JsonObject, samplers: Sequence[JsonObject]) -> Channel:
-    """Return a channel of an animation; extensions define targets other than nodes."""
-    target = channel.required_child("target")
-    path, node = target.text("path"), target.index("node", "nodes")
-    if path == "pointer":
-        extension = target.extension(POINTER)
-        pointer = "" if extension is None else extension.text("pointer", "")
-        match, n_nodes = POINTERS.fullmatch(pointer), len(target.lists["nodes"])
-        node, path = (int(match[1]), match[2] or match[3]) if match else (None, pointer)
-        if node is not None and node >= n_nodes:
-            raise target.error("extensions", f"a pointer to one of {n_nodes} nodes")
-    number = channel.index("sampler", len(samplers))
-    if number is None:
-        raise channel.error("sampler", "the index of a sampler")
-    interpolation = samplers[number].text("interpolation", LINEAR)
-    node = -1 if node is None or path not in PATHS else node
-    return Channel(node, path, samplers[number], interpolation, channel.place)
+    Extensions define targets other than nodes.
+    """
+    samplers, channels = animation.children("samplers", "sampler"), []
+    for channel in animation.children("channels", "channel"):
+        try:
+            target = channel.required_child("target")
+            path, node = target.text("path"), target.index("node", "nodes")
+            if path == "pointer":
+                extension = target.extension(POINTER)
+                pointer = "" if extension is None else extension.text("pointer", "")
+                match, n_nodes = POINTERS.fullmatch(pointer), len(target.lists["nodes"])
+                node, path = (int(match[1]), match[2] or match[3]) if match else (None, pointer)
+                if node is not None and node >= n_nodes:
+                    raise target.error("extensions", f"a pointer to one of {n_nodes} nodes")
+            number = channel.index("sampler", len(samplers))
+            if number is None:
+                raise channel.error("sampler", "the index of a sampler")
+            interpolation = samplers[number].text("interpolation", LINEAR)
+        except FormatError as error:
+            failures[channel.place] = error
+            continue
+        node = -1 if node is None or path not in PATHS else node
+        channels.append(Channel(node, path, samplers[number], interpolation, channel.place))
+    return channels
 
 
 def _curve(channel: Channel, keys_s: Floats, values: Floats, document: Document) -> Curve:

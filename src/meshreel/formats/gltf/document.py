@@ -421,6 +421,23 @@ class Document:
             raise FormatError(f"{parent.place}: the numbers of {key!r} must be finite")
         return numbers
 
+    def read_named(
+        self,
+        parent: JsonObject,
+        kinds: Mapping[str, tuple[str, ...]],
+        decoded_values: Mapping[str, Values],
+        *,
+        count: int,
+    ) -> dict[str, Values]:
+        """Return the values of the accessors with these keys and types, unless they are decoded."""
+        return {
+            key: decoded_values[key]
+            if key in decoded_values
+            else self.read(parent, key, *kinds[key], count=count)
+            for key in parent.values
+            if key in kinds
+        }
+
     def read_each(
         self, parents: Sequence[JsonObject], key: str, kind: str, *, count: int
     ) -> tuple[npt.NDArray[Any] | None, ...]:

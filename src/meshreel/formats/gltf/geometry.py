@@ -181,13 +181,7 @@ def _read_primitives(
         for target in primitive.targets[:n_targets] if "NORMAL" in attributes else ():
             target.get("NORMAL")  # those of each frame follow from its positions
         if key not in blocks:
-            values = {
-                name: decoded[name]
-                if name in decoded
-                else document.read(primitive.attributes, name, *kinds[name], count=count)
-                for name in attributes
-                if name in kinds
-            }
+            values = document.read_named(primitive.attributes, kinds, decoded, count=count)
             positions = values.pop("POSITION").floats()
             displacements = document.read_each(
                 primitive.targets[:n_targets], "POSITION", "VEC3", count=count
