@@ -260,6 +260,8 @@ namespace Meshreel
         [DllImport(Library, CallingConvention = C)] internal static extern IntPtr meshreel_surface_of(FileHandle file);
         [DllImport(Library, CallingConvention = C)] internal static extern int meshreel_track_of(
             FileHandle file, uint number, out track track);
+        [DllImport(Library, CallingConvention = C)] internal static extern int meshreel_check(
+            FileHandle file, uint first, uint count, uint n_modes, out error error);
         [DllImport(Library, CallingConvention = C)] internal static extern int meshreel_begin(
             FileHandle file, out IntPtr decoder, out error error);
         [DllImport(Library, CallingConvention = C)] internal static extern void meshreel_end(IntPtr decoder);

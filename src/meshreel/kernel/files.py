@@ -480,7 +480,8 @@ class OpenFile:
 
         Parameters and other errors are those of `FrameDecoder`.
         """
-        arguments = _U32(frames.start), _U32(len(frames)), _U32(n_modes)
+        first, last = sorted((frames[0], frames[-1]))
+        arguments = _U32(first), _U32(last - first + 1), _U32(n_modes)
         self.call("check", self.handle, *arguments)
 
     def read_mesh(self) -> None:
