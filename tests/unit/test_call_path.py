@@ -30,7 +30,7 @@ def test_encoding_rarely_changes_file(options, most):
 @pytest.mark.slow
 def test_decoding_rarely_changes_file():
     data = meshreel.encode(meshreel.simulate_flag(30, n_rows=20, n_columns=20))
-    assert file_changes(partial(meshreel.decode, data)).total() <= 34
+    assert file_changes(partial(meshreel.decode, data)).total() <= 35
 
 
 @pytest.mark.slow

@@ -76,9 +76,9 @@ class SourceReader:
         except BaseException as error:  # raised again by the call of the core that failed
             return self._fail(error)
         if len(data) != size:
-            end = offset + len(data)
+            end = f"at byte {offset + len(data)}" if data else f"before byte {offset + 1}"
             return self._fail(
-                TruncatedStreamError(f"the file ended at byte {end}; it was longer when opened")
+                TruncatedStreamError(f"the file ended {end}; it was longer when opened")
             )
         ctypes.memmove(address, data, size)
         return 0

@@ -458,7 +458,7 @@ def test_a_file_in_segments_is_encoded_within_its_memory_limit(tmp_path):
 
 @pytest.mark.parametrize("size", [1e-5, 1.0])
 def test_values_beyond_the_range_of_the_first_block_begin_a_segment(size):
-    """The first values are round-off; relative to its range, later ones exceed integers or floats."""
+    """The first values are round-off; relative to their range, others exceed integers or floats."""
     moving = waving_grid(20)
     values = np.random.default_rng(3).normal(size=(20, moving.n_verts))
     values *= np.where(np.arange(20) < 10, 1e-16, size)[:, None]
