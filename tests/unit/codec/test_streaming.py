@@ -470,5 +470,6 @@ def test_values_beyond_the_range_of_the_first_block_begin_a_segment(size):
     assert encoder.n_segments == len(segments) == 2
     for segment, original in zip(segments, (values[:10], values[10:]), strict=True):
         track = segment.tracks["stress"]
+        assert isinstance(track, meshreel.Track)
         assert np.abs(track.values[..., 0] - original).max() <= track.error_bound
         assert track.error_bound <= 1.001e-3 * np.ptp(original)
