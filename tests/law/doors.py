@@ -253,7 +253,7 @@ def judge_frame(part, part_hat, notes, limit, *, keeps):
         error = errors_of("vector", *pair).max()
         assert error <= (limit + rounding) * ROUNDING, f"positions differ by {error} in {notes}"
         is_said = part.dtype == "f4" or "float32" in notes
-        assert error <= limit * ROUNDING or is_said, f"no word of rounded doubles in {notes}"
+        assert error <= limit * ROUNDING or is_said, f"rounded doubles are not noted: {notes}"
     for name in names_in(part) - names_in(part_hat):
         kind = part.tracks[name].kind if name in part.tracks else ""
         is_named = name in notes or "tracks" in notes
