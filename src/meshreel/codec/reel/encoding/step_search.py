@@ -17,6 +17,7 @@ from meshreel.codec.reel.encoding.track_coders import CodedValues, PreparedValue
 from meshreel.codec.reel.normative.fields import PointWeights
 from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.codec.source import CodedTrack
+from meshreel.errors import InvalidInputError
 from meshreel.model.tracks import KIND_ROWS, TrackSource
 
 FEW_VALUES = 16
@@ -255,7 +256,10 @@ class StepSearch:
         def size_bytes(choice: WeightChoice) -> float:
             nugget, n_learned, related = choice
             coder = self._coder.with_weights(nugget, n_learned)
-            size = coder.fields_bytes(targets, self._weights(coder, piece, related))
+            try:
+                size = coder.fields_bytes(targets, self._weights(coder, piece, related))
+            except InvalidInputError:  # residuals of a fine step exceed the integers of a stream
+                return math.inf
             return size if nugget is None else size / MAX_POINTS_RATIO
 
         def best_of(choices: Iterable[WeightChoice]) -> WeightChoice:
