@@ -16,9 +16,8 @@ from meshreel.codec.reel.encoding.track_coders import (
 )
 from meshreel.codec.track_bounds import Measure, TrackBound
 from meshreel.errors import InvalidInputError
-from meshreel.model.tracks import TrackKind
 from samples.meshes import irregular_sequence, quad_sheet, waving_grid
-from samples.tracks import given_places, quad_sheet_with
+from samples.tracks import quad_sheet_with
 
 RNG = np.random.default_rng(3)
 
@@ -77,29 +76,6 @@ def test_smooth_functions_of_positions_take_few_bytes(order, is_live, monkeypatc
     with_points = sizes_of()
     monkeypatch.setattr(step_search, "MAX_POINTS_RATIO", 1e-9)
     assert (with_points < 0.8 * sizes_of()).all()
-
-
-@pytest.mark.parametrize("order", ["keep", "vertices", "drop"])
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
-@pytest.mark.parametrize("block_frames", [None, 5])
-def test_every_value_is_within_its_bound(order, dtype, block_frames):
-    n_verts = sizes()[0]
-    original = quad_sheet_with(
-        heat=meshreel.Track(smooth(n_verts, 1, dtype=dtype), unit="K"),
-        flow=smooth(n_verts, 3, dtype=dtype),
-        many=smooth(n_verts, 9, dtype=dtype),
-    )
-    bounds = {"heat": "0.5K", "flow": "1%", "many": 2}
-    data = meshreel.encode(original, tracks=bounds, order=order, block_frames=block_frames)
-    decoded = meshreel.decode(data)
-    places = given_places(order, original.vertices, decoded.vertices)
-    span = np.linalg.norm(np.ptp(original.tracks["flow"].values, axis=(0, 1)))
-    allowed = {"heat": 0.5, "flow": 0.01 * span, "many": 2}
-    for name, track in decoded.tracks.items():
-        given = original.tracks[name]
-        assert (track.kind, track.unit, track.dtype) == (given.kind, given.unit, given.dtype)
-        apart = given.values[:, places].astype(float) - track.values
-        assert 0.2 * allowed[name] < np.linalg.norm(apart, axis=2).max() <= allowed[name]
 
 
 def test_normals_have_length_one_and_are_within_their_angle():
@@ -287,21 +263,6 @@ def recorded(frames, bounds=None, **options):
         for frame, tracks in frames:
             encoder.push(frame, tracks)
     return file.getvalue()
-
-
-def test_tracks_of_pushed_frames_are_within_their_bounds():
-    frames = [
-        (frame, {"heat": meshreel.Track(HEAT[number][None], unit="K"), "again": HEAT[number]})
-        for number, frame in enumerate(GRID.vertices)
-    ]
-    data = recorded(frames, {"heat": "0.5K"}, block_frames=4)
-    result = meshreel.decode(data).tracks
-    assert (result["heat"].unit, result["again"].kind) == ("K", TrackKind.SCALAR)
-    assert 0.1 < np.abs(result["heat"].values[..., 0] - HEAT).max() <= 0.5
-    first_range = np.ptp(HEAT[:4])
-    assert np.abs(result["again"].values[..., 0] - HEAT).max() <= 0.002 * first_range
-    alone = meshreel.decode(recorded([(frame, None) for frame in GRID.vertices], block_frames=4))
-    np.testing.assert_array_equal(meshreel.decode(data).vertices, alone.vertices)
 
 
 def test_frame_with_other_tracks_than_the_first_is_refused():
