@@ -60,7 +60,7 @@ def test_codec_with_faces_gets_none_and_no_added_bytes(write, tmp_path):
 def test_results_of_an_earlier_version_are_not_reused(write, tmp_path):
     before = report(write(), tmp_path / "out").measured[0]
     again = report(write(), tmp_path / "out").measured[0]
-    changed = report(write(CODEC.replace("setting - 7", "setting - 6")), tmp_path / "out")
+    changed = report(write(CODEC.replace("setting - 7", "setting - 10")), tmp_path / "out")
     assert again == before
     assert changed.measured[0]["quality"] != before["quality"]
 
